@@ -108,7 +108,11 @@ def _refuse_to_verify(verify: bool) -> None:
         )
 
 
-def _compare_shifts(runs: tuple[str, ...], out: Path, verify: bool) -> bool:
+def _compare_shifts(
+    runs: tuple[str, ...],
+    out: Path,
+    verify: bool,
+) -> bool:
     """Lay evaluations under shifts over each other, if the runs are such; whether they are."""
     from duobench.results.robustness import robustness_of, write_robustness
 

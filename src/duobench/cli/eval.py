@@ -167,7 +167,11 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     _show(folder, part, results)
 
 
-def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
+def _show(
+    folder: RunFolder,
+    shard: Shard,
+    results: Results,
+) -> None:
     """Print the results; the exit code is 1 if an episode failed with an error."""
     from duobench.results.report import read_parts
 

@@ -133,7 +133,12 @@ def _call(
         if word == TASKS and value.startswith("--"):
             raise CommandError(f"{TASKS} needs a task; without it all are meant.")
     try:
-        return tyro.cli(call, prog=program, args=words, config=CONFIG)
+        return tyro.cli(
+            call,
+            prog=program,
+            args=words,
+            config=CONFIG,
+        )
     except SystemExit as left:
         if left.code:
             for hint in hints(words, [option.flag for option in options_of(function)]):

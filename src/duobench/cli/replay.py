@@ -124,7 +124,12 @@ def _by_states(
     remove_abandoned(out, VIDEO_SUFFIX)
     for task, paths in episodes.items():
         with closing(
-            ImageSource(task, cameras=cameras, size=size, look=look)
+            ImageSource(
+                task,
+                cameras=cameras,
+                size=size,
+                look=look,
+            )
         ) as source:
             for path in paths:
                 recording = Recording.read(path)

@@ -110,7 +110,11 @@ def _make_chosen(
     return impossible
 
 
-def _make(what: str, make: Callable[..., RenderResult], import_tasks: bool) -> int:
+def _make(
+    what: str,
+    make: Callable[..., RenderResult],
+    import_tasks: bool,
+) -> int:
     with display(what) as shown:
         found = make(progress=shown.tell)
     for record, reason in found.impossible:

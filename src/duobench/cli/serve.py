@@ -47,7 +47,14 @@ def run(
     served, metadata, batching = make_served(
         policy, Batching(mode=batch, size=max_batch)
     )
-    place = PolicyHost(served, metadata, batching, host=host, port=port, key=key)
+    place = PolicyHost(
+        served,
+        metadata,
+        batching,
+        host=host,
+        port=port,
+        key=key,
+    )
     shown = f"[{host}]" if ":" in host else host
     with stopping(place.stop):
         say(

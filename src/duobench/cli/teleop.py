@@ -55,7 +55,12 @@ def run(
             task, out, actor, action_mode=led_by.action_mode, look=look
         )
         session = ending.enter_context(
-            Teleoperation(recorder, led_by, episodes=episodes, **leading.asked())
+            Teleoperation(
+                recorder,
+                led_by,
+                episodes=episodes,
+                **leading.asked(),
+            )
         )
         server = page.serve()
         ending.callback(server.close)

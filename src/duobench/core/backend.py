@@ -24,7 +24,12 @@ SPEED_UP = 0.5
 that is slow by less."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class DuoLimits:
     """Limits of the arms; arrays (16,) in the order of `DuoCommand.flat`."""
 

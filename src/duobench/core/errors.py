@@ -80,7 +80,11 @@ class UnknownOptionError(UnknownNameError, TypeError):
     """
 
 
-def check_known(kind: str, name: object, known: Collection[str]) -> None:
+def check_known(
+    kind: str,
+    name: object,
+    known: Collection[str],
+) -> None:
     """Reject a name that is not known."""
     if not isinstance(name, str) or name not in known:
         raise UnknownNameError(kind, name, known)

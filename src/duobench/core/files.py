@@ -191,7 +191,12 @@ def is_locked(path: Path) -> bool:
         return True
 
 
-def lock(handle: int, path: Path, *, wait_s: float = 0.0) -> None:
+def lock(
+    handle: int,
+    path: Path,
+    *,
+    wait_s: float = 0.0,
+) -> None:
     """Lock an open file or folder; the operating system drops the lock with the process."""
     until = time.monotonic() + wait_s
     while True:
@@ -363,7 +368,11 @@ def _is_checked(kind: type, schema: int) -> bool:
     return schema >= getattr(kind, "CHECKED_FROM", math.inf)
 
 
-def decode(text: bytes | str, kind: type[T], schema: int) -> T:
+def decode(
+    text: bytes | str,
+    kind: type[T],
+    schema: int,
+) -> T:
     """A data class from the text that `encode` gave.
 
     `schema` is the version of its fields, the one that is read.
@@ -374,7 +383,11 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
         raise FileError("It is nested too deeply.") from error
 
 
-def _decoded(text: bytes | str, kind: type[T], schema: int) -> T:
+def _decoded(
+    text: bytes | str,
+    kind: type[T],
+    schema: int,
+) -> T:
     try:
         document: Any = msgspec.json.decode(text)
     except (msgspec.MsgspecError, ValueError) as error:
@@ -408,7 +421,13 @@ def _decoded(text: bytes | str, kind: type[T], schema: int) -> T:
     return value
 
 
-def read(path: Readable, kind: type[T], schema: int, *, advice: str = "") -> T:
+def read(
+    path: Readable,
+    kind: type[T],
+    schema: int,
+    *,
+    advice: str = "",
+) -> T:
     """A data class from a file that `encode` filled."""
     try:
         return decode(path.read_bytes(), kind, schema)

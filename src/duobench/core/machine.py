@@ -73,7 +73,12 @@ def fill_streams() -> None:
             os.set_inheritable(number, True)
 
 
-def load_extra(module: str, extra: str, needed: str, error: type[DuoBenchError]) -> Any:
+def load_extra(
+    module: str,
+    extra: str,
+    needed: str,
+    error: type[DuoBenchError],
+) -> Any:
     """A module of an extra; where it is missing, an error that says what it is needed for."""
     try:
         return import_module(module)

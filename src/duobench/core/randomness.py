@@ -34,12 +34,20 @@ def _word(kind: str, split: str) -> str:
     return kind if split == EVAL else f"{split} {kind}"
 
 
-def layout_key(task_id: str, seed: int, split: str = EVAL) -> int:
+def layout_key(
+    task_id: str,
+    seed: int,
+    split: str = EVAL,
+) -> int:
     """Number (256 bits) that a layout follows from; distinct for all tasks, splits and seeds."""
     return _digest(_word("layout", split), task_id, SUITE_VERSION, int(seed))
 
 
-def generator(task_id: str, seed: int, split: str = EVAL) -> np.random.Generator:
+def generator(
+    task_id: str,
+    seed: int,
+    split: str = EVAL,
+) -> np.random.Generator:
     """Generator of a layout; the same (task, suite version, split, seed), the same numbers."""
     return np.random.Generator(np.random.PCG64(layout_key(task_id, seed, split)))
 
@@ -66,7 +74,11 @@ def shift_generator(
     return np.random.Generator(np.random.PCG64(words))
 
 
-def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
+def episode_seed(
+    task_id: str,
+    episode: int,
+    split: str = EVAL,
+) -> int:
     """Seed (32 bits) of the n-th episode of a task's split in this suite version."""
     if episode < 0:
         raise ValueError(f"An episode index counts from 0, got {episode}.")
@@ -75,7 +87,11 @@ def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
     )
 
 
-def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
+def policy_seed(
+    task_id: str,
+    seed: int,
+    split: str = EVAL,
+) -> int:
     """Seed (32 bits) that a policy gets in the episode of a seed.
 
     An environment that is reset with it shows another layout, so that no policy makes the layout of
@@ -86,7 +102,12 @@ def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
     return _digest(_word("policy", split), task_id, SUITE_VERSION, int(seed)) % 2**32
 
 
-def instruction_number(task_id: str, seed: int, count: int, split: str = EVAL) -> int:
+def instruction_number(
+    task_id: str,
+    seed: int,
+    count: int,
+    split: str = EVAL,
+) -> int:
     """Which of several instructions the episode of a seed has, from 0 to `count` - 1.
 
     Seed and split are those of the layout.
@@ -96,7 +117,12 @@ def instruction_number(task_id: str, seed: int, count: int, split: str = EVAL) -
     )
 
 
-def look_number(task_id: str, seed: int | None, file: str, number: int) -> int:
+def look_number(
+    task_id: str,
+    seed: int | None,
+    file: str,
+    number: int,
+) -> int:
     """Seed (30 bits) of the random look of an exported episode.
 
     It follows from the seed of its layout (None if it was given), the name of its file, and a

@@ -10,7 +10,11 @@ from typing import Any, NamedTuple
 from duobench.core.errors import ImportPathError, UnknownNameError, traceback_text
 
 
-def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
+def load(
+    path: str,
+    kind: str,
+    fits: Callable[[object], bool],
+) -> Any:
     """Import what a path `module:attribute` names, such as "my_tasks:STACK".
 
     It should be of a kind, such as "task" for messages; `fits` says whether a value is.

@@ -30,7 +30,11 @@ def parse(text: str) -> dict[str, Any]:
     return _keys_of(document, "the file")
 
 
-def decode(document: Any, kind: type[T], where: str = "") -> T:
+def decode(
+    document: Any,
+    kind: type[T],
+    where: str = "",
+) -> T:
     """An instance of a data class from an object's keys, with those of its fields likewise.
 
     Args:
@@ -54,7 +58,11 @@ def decode(document: Any, kind: type[T], where: str = "") -> T:
         raise OptionError(f"{place}: {text}" if place else text) from error
 
 
-def _decoded(value: Any, hint: Any, where: str) -> Any:
+def _decoded(
+    value: Any,
+    hint: Any,
+    where: str,
+) -> Any:
     kinds = [each for each in get_args(hint) or (hint,) if each is not NoneType]
     if get_origin(hint) is Mapping:
         names, kind = kinds

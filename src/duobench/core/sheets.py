@@ -67,7 +67,12 @@ class Sheet:
             facecolor="none" if fill is None else str(fill),
         )
 
-    def line(self, start: Point, end: Point, **style: float) -> None:
+    def line(
+        self,
+        start: Point,
+        end: Point,
+        **style: float,
+    ) -> None:
         """Draw a line; see `polygon`."""
         self.polygon((start, end), closed=False, **style)
 
@@ -113,7 +118,14 @@ class Sheet:
 
         path.should_simplify = False
         more = {"capstyle": "butt", "joinstyle": "miter", "zorder": 1}
-        self._artists.append(partial(PathPatch, path, **style, **more))
+        self._artists.append(
+            partial(
+                PathPatch,
+                path,
+                **style,
+                **more,
+            )
+        )
 
     def figure(self) -> Any:
         """The sheet as a figure of matplotlib."""

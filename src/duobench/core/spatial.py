@@ -118,7 +118,13 @@ class SE3:
         object.__setattr__(self, "translation", _frozen(self.translation, (3,)))
 
     @staticmethod
-    def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, *, yaw: float = 0.0) -> SE3:
+    def at(
+        x: float = 0.0,
+        y: float = 0.0,
+        z: float = 0.0,
+        *,
+        yaw: float = 0.0,
+    ) -> SE3:
         """Upright pose at a position in metres, turned by `yaw` radians about z."""
         return SE3(rotation_about((0.0, 0.0, 1.0), yaw), np.array([x, y, z]))
 
@@ -179,7 +185,12 @@ class SE3:
         along_x, along_y, along_z = self.rotation.T
         return x * along_x + y * along_y + z * along_z + self.translation
 
-    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> SE3:
+    def moved(
+        self,
+        x: float = 0.0,
+        y: float = 0.0,
+        z: float = 0.0,
+    ) -> SE3:
         """Same orientation, shifted in the target frame by metres."""
         return SE3(self.rotation, self.translation + np.array([x, y, z]))
 

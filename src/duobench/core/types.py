@@ -122,7 +122,11 @@ def check_unit(
             )
 
 
-def check_several(what: str, values: object, kind: type) -> None:
+def check_several(
+    what: str,
+    values: object,
+    kind: type,
+) -> None:
     """Reject what is no collection of one kind, such as one thing alone."""
     wrong, where = [values], " in a tuple, such as (one,)"
     if isinstance(values, Collection) and not isinstance(values, set | frozenset):
@@ -139,7 +143,12 @@ def _flat(joints: Array, openings: Array) -> Array:
     return rows.ravel()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class DuoCommand:
     """Command to both arms for one control step."""
 
@@ -160,7 +169,12 @@ class DuoCommand:
         return _flat(self.joints, self.openings)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class DuoState:
     """State of both arms after a control step."""
 

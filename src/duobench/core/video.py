@@ -134,7 +134,12 @@ class VideoWriter:
         os.environ.setdefault(*_QUIET)
         # Bit-exact: no identifiers that change from run to run.
         options = {"fflags": "+bitexact", **codec.container_options}
-        container = av.open(self._target, "w", format=codec.container, options=options)
+        container = av.open(
+            self._target,
+            "w",
+            format=codec.container,
+            options=options,
+        )
         stream = container.add_stream(
             codec.encoder, rate=self._rate, options=dict(codec.options)
         )

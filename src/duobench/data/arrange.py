@@ -20,7 +20,12 @@ from duobench.data.schema import video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 
 
-def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int:
+def merge(
+    sources: Sequence[DataSet],
+    out: Path,
+    *,
+    rename: bool = False,
+) -> int:
     """Copy the episodes of several data sets into one.
 
     Args:
@@ -120,7 +125,11 @@ def split(
     return len(plans[0]), len(plans[1])
 
 
-def _share(data: DataSet, fraction: float, seed: int) -> set[Path]:
+def _share(
+    data: DataSet,
+    fraction: float,
+    seed: int,
+) -> set[Path]:
     def shuffled(path: Path) -> str:
         return hashlib.sha256(
             f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()
@@ -162,7 +171,11 @@ def _videos(path: Path, place: Path) -> list[tuple[Path, Path]]:
     return [(video_path(path, camera), video_path(place, camera)) for camera in cameras]
 
 
-def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
+def _may_be(
+    path: Path,
+    place: Path,
+    plan: Mapping[Path, Path],
+) -> bool:
     """Whether an episode may be copied to a place: nothing is there, or the same."""
     others = {plan.get(place, path), place if place.exists() else path}
     if not all(cmp(path, other, shallow=False) for other in others - {path}):
@@ -175,7 +188,11 @@ def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
     )
 
 
-def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:
+def _free(
+    place: Path,
+    path: Path,
+    plan: Mapping[Path, Path],
+) -> Path:
     """The place itself, or the next number whose place is free for an episode."""
     numbers = (place.with_name(f"{number:05d}{SUFFIX}") for number in count())
     return next(each for each in chain([place], numbers) if _may_be(path, each, plan))

@@ -20,7 +20,12 @@ SKIPPED = "Skipped before it began."
 """Why an attempt at which nobody did anything is not kept."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, order=True)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    order=True,
+)
 class Attempt:
     """An episode that was played or led for a data set; sorted by task and index."""
 

@@ -140,7 +140,11 @@ def _config(name: str, files: str) -> dict[str, str]:
     return {"config_name": name, "data_files": files}
 
 
-def _training(place: Path, about: Mapping[str, Any], tasks: Sequence[str]) -> str:
+def _training(
+    place: Path,
+    about: Mapping[str, Any],
+    tasks: Sequence[str],
+) -> str:
     """The command that learns a task from an export; empty where `duobench train` cannot."""
     seen = [
         key for key in about["features"] if key.startswith((IMAGE_PREFIX, OBJECT_STATE))

@@ -218,7 +218,12 @@ class DataSet:
         """Episodes that operators discarded in sessions that go on, where no other reader looks."""
         return DataSet(self.path / "discarded")
 
-    def add(self, task: str, name: str, content: bytes) -> Path:
+    def add(
+        self,
+        task: str,
+        name: str,
+        content: bytes,
+    ) -> Path:
         """Add the content of an episode's file that was recorded elsewhere, in one atomic step.
 
         What a killed recording of the same episode has left is removed.

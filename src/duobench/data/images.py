@@ -228,7 +228,11 @@ class RecordedImages:
             video.close()
 
 
-def check_cameras(recording: Recording, path: Path, cameras: Sequence[str]) -> None:
+def check_cameras(
+    recording: Recording,
+    path: Path,
+    cameras: Sequence[str],
+) -> None:
     """Reject an episode that has no image of a camera."""
     videos = recording.info.videos
     for name in cameras:

@@ -24,7 +24,12 @@ IMAGE_SIZE = (135, 240)
 """Height and width of each of them in pixels."""
 
 
-def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
+def write_page(
+    data: DataSet,
+    summary: Summary,
+    *,
+    images: bool = True,
+) -> Path:
     """Write the page into the folder of the data set, and say where.
 
     Args:

@@ -263,7 +263,13 @@ class Recorder(DuoWrapper):
         if not len(rows):  # not even the reset could be recorded
             self.discard()
             return
-        outcome = outcome_of(episode.info, rows, kept=kept, reason=reason, cut=cut)
+        outcome = outcome_of(
+            episode.info,
+            rows,
+            kept=kept,
+            reason=reason,
+            cut=cut,
+        )
         if not self._keep(outcome):
             self.discard()
             return

@@ -30,7 +30,12 @@ _FLOATS = [
 """Columns whose bytes compress better side by side."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Recording:
     """One episode of T actions, with T + 1 rows of what was seen."""
 

@@ -83,10 +83,30 @@ COLUMNS = (
     Column(name="success", dtype=np.bool_, shape=()),
     Column(name="success_at_end", dtype=np.bool_, shape=()),
     Column(name="state", dtype=np.float64, shape=(0,)),
-    Column(name="action", dtype=np.float64, shape=(0,), of_action=True),
-    Column(name="sent", dtype=np.float64, shape=(16,), of_action=True),
-    Column(name="reward", dtype=np.float64, shape=(), of_action=True),
-    Column(name="clutch", dtype=np.bool_, shape=(2,), of_action=True),
+    Column(
+        name="action",
+        dtype=np.float64,
+        shape=(0,),
+        of_action=True,
+    ),
+    Column(
+        name="sent",
+        dtype=np.float64,
+        shape=(16,),
+        of_action=True,
+    ),
+    Column(
+        name="reward",
+        dtype=np.float64,
+        shape=(),
+        of_action=True,
+    ),
+    Column(
+        name="clutch",
+        dtype=np.bool_,
+        shape=(2,),
+        of_action=True,
+    ),
     *(
         Column(name=name, dtype=np.int64, shape=(0,))
         for name in ("frame", "frame_number")
@@ -262,4 +282,10 @@ class EpisodeInfo:
         """Facts that were known when it began; the device may be known later."""
         actor = replace(self.actor, device=None)
         videos = dict.fromkeys(self.videos, VideoFacts())
-        return replace(self, outcome=None, last_hash=None, videos=videos, actor=actor)
+        return replace(
+            self,
+            outcome=None,
+            last_hash=None,
+            videos=videos,
+            actor=actor,
+        )

@@ -108,7 +108,12 @@ class EpisodeRows:
 class EpisodeStream(EpisodeRows):
     """Takes them in a file beside the finished episode, which is locked while it is open."""
 
-    def __init__(self, path: Path, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        info: EpisodeInfo,
+        sizes: Mapping[str, int],
+    ) -> None:
         super().__init__(info, sizes)
         self.path = path
         self._written = 0
@@ -216,7 +221,13 @@ def recover(partial: Path) -> Recording:
         raise DataError(
             f"Cannot recover {partial}: it ends before its first rows were written."
         )
-    outcome = outcome_of(info, rows, kept=False, reason=INTERRUPTED, cut=True)
+    outcome = outcome_of(
+        info,
+        rows,
+        kept=False,
+        reason=INTERRUPTED,
+        cut=True,
+    )
     return _recording(replace(info, outcome=outcome), rows)
 
 

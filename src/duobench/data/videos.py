@@ -117,7 +117,13 @@ class _Accepted(NamedTuple):
 class _Encoder:
     """Encodes the video of one camera, in a thread."""
 
-    def __init__(self, path: Path, camera: Camera, rate: int, waits: bool) -> None:
+    def __init__(
+        self,
+        path: Path,
+        camera: Camera,
+        rate: int,
+        waits: bool,
+    ) -> None:
         self.path, self.camera = path, camera
         self._error: DuoBenchError | None = None
         self._waits = waits

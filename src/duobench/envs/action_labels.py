@@ -60,7 +60,11 @@ class ActionLabels:
         return actions.reshape(len(rows), -1).astype(np.float32)
 
 
-def tool_labels(positions: Array, rotations: Array, openings: Array) -> Array:
+def tool_labels(
+    positions: Array,
+    rotations: Array,
+    openings: Array,
+) -> Array:
     """Rows of Cartesian labels (T, 20), in the order of `POSE_LABELS` and `SHIFT_LABELS`.
 
     Args:

@@ -30,7 +30,12 @@ def required(part: T | None, wrapper: str) -> T:
     return part
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class EpisodeState:
     """Everything that the rest of an episode depends on.
 

@@ -47,7 +47,12 @@ WHOLE_CHUNKS = ChunkExecution()
 """All actions of a chunk, at once."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Step:
     """One control step, as watchers see it."""
 

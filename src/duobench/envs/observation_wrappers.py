@@ -257,7 +257,12 @@ class Sensing(DuoWrapper):
         noise = self._generator.standard_normal(numbers.shape) * deviation
         return (numbers + noise).astype(numbers.dtype)
 
-    def _seen(self, camera: str, age: int, shape: tuple[int, int]) -> Any:
+    def _seen(
+        self,
+        camera: str,
+        age: int,
+        shape: tuple[int, int],
+    ) -> Any:
         if self._past_backend is None:
             from duobench.world.sim.backend import SimBackend
             from duobench.world.sim.simulation import Simulation

@@ -107,7 +107,11 @@ def with_wrappers(env: gym.Env) -> gym.Env:
     return stack
 
 
-def stack_on(judged: TaskStages, config: EnvConfig, horizon: int | None) -> DuoWrapper:
+def stack_on(
+    judged: TaskStages,
+    config: EnvConfig,
+    horizon: int | None,
+) -> DuoWrapper:
     """Put the wrappers of a configuration around judged arms.
 
     The horizon, in control steps, is None for an episode that is never cut off.

@@ -12,7 +12,12 @@ REWARDS = (STAGE, PROGRESS, DENSE)
 N = TypeVar("N", float, NDArray[Any])
 
 
-def reward_of(form: str, before: N, stage: N, last: int) -> Any:
+def reward_of(
+    form: str,
+    before: N,
+    stage: N,
+    last: int,
+) -> Any:
     """The reward of one control step, of one episode or of many.
 
     "stage" is that of the paper, stage / last stage in every step: who waits at a stage is paid

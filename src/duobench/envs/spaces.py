@@ -103,7 +103,11 @@ def opening_slots(size: int) -> list[int]:
     return [side - 1, size - 1]
 
 
-def numbers(action: Any, shape: tuple[int, ...], labels: Sequence[str] = ()) -> Array:
+def numbers(
+    action: Any,
+    shape: tuple[int, ...],
+    labels: Sequence[str] = (),
+) -> Array:
     """An action as float64 numbers of a given shape; `labels` name them in the message."""
     try:
         array = real_array(action, np.float64)

@@ -61,7 +61,12 @@ class RecordingPlan:
         """Whether an episode that ended so is kept."""
         return self.keep_failures or (outcome.success and not outcome.cut)
 
-    def is_of(self, info: EpisodeInfo, task: str, index: int) -> bool:
+    def is_of(
+        self,
+        info: EpisodeInfo,
+        task: str,
+        index: int,
+    ) -> bool:
         """Whether a recording is that of an episode of a task, and one that is kept."""
         return (
             (info.task, info.split) == (task, self.split)
@@ -149,7 +154,12 @@ class Latest(Generic[V]):
 class _Setting:
     """Environment and policy of a task and a shift, with what records and shows them."""
 
-    def __init__(self, env: gym.Env, policy: Policy, recorder: Recorder | None) -> None:
+    def __init__(
+        self,
+        env: gym.Env,
+        policy: Policy,
+        recorder: Recorder | None,
+    ) -> None:
         self.env, self.policy, self.recorder = env, policy, recorder
         self.overview = Overview(env)
 

@@ -157,7 +157,12 @@ def _steps(
                 optional_method(env, "intend")(wanted)
         queue = np.concatenate([waiting, chunk])
         chunk, waiting = queue[: len(chunk)], queue[len(chunk) :]
-        for step in execute(env, chunk, before=number, render_last=render_last):
+        for step in execute(
+            env,
+            chunk,
+            before=number,
+            render_last=render_last,
+        ):
             observation = step.observation
             number = step.number
             yield step

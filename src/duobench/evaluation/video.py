@@ -132,7 +132,12 @@ class Picture:
         """Note the images (height, width, 3) by camera that the policy sees after some steps."""
         self._images, self._seen_after = images, number
 
-    def draw(self, overview: Image, number: int, stage: int) -> Image:
+    def draw(
+        self,
+        overview: Image,
+        number: int,
+        stage: int,
+    ) -> Image:
         """The picture after a control step.
 
         Args:
@@ -186,7 +191,11 @@ def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(size=size)
 
 
-def _write(picture: Pillow.Image, text: str, size: int) -> None:
+def _write(
+    picture: Pillow.Image,
+    text: str,
+    size: int,
+) -> None:
     """Write a line into the upper left corner, shortened to the width of the picture."""
     pen, font = ImageDraw.Draw(picture), _font(size)
     room = picture.width - 2 * _MARGIN
@@ -196,4 +205,9 @@ def _write(picture: Pillow.Image, text: str, size: int) -> None:
         text += "…"
     width = round(pen.textlength(text, font)) + 2 * _MARGIN
     pen.rectangle((0, 0, width, size + _MARGIN), fill=_PAPER)
-    pen.text((_MARGIN, _MARGIN / 2), text, fill=_INK, font=font)
+    pen.text(
+        (_MARGIN, _MARGIN / 2),
+        text,
+        fill=_INK,
+        font=font,
+    )

@@ -53,7 +53,11 @@ class Session:
     """Action that the policy intended last, if it has disturbed it."""
 
 
-def noise(seed: int, call: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
+def noise(
+    seed: int,
+    call: int,
+    shape: tuple[int, ...],
+) -> NDArray[np.float32]:
     """Standard normal noise for one chunk: a pure function of its arguments.
 
     Neither the other episodes of a batch, nor the order in which observations arrive, nor a
@@ -178,7 +182,11 @@ def _checked(chunk: Any) -> Chunk | PolicyError:
         return error
 
 
-def begin(policy: BatchPolicy, instruction: str, seed: int) -> Session:
+def begin(
+    policy: BatchPolicy,
+    instruction: str,
+    seed: int,
+) -> Session:
     """Begin an episode, in a session that is new."""
     session = policy.begin(instruction, seed)
     if not isinstance(session, Session):

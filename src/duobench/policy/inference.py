@@ -134,7 +134,12 @@ class InferenceLoop:
         for waiting in (*(future for future, _ in self._calls), *self._requests):
             waiting.cancel()
 
-    def _queue(self, request: T, queue: deque[T], back: Session | None = None) -> None:
+    def _queue(
+        self,
+        request: T,
+        queue: deque[T],
+        back: Session | None = None,
+    ) -> None:
         with self._events:
             if self._is_over or len(self._requests) + len(self._calls) >= MAX_WAITING:
                 what = (

@@ -268,7 +268,11 @@ def _with_near_miss(key: str) -> str:
     )
 
 
-def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
+def labels_of(
+    folder: Path,
+    size: int,
+    mode: str | None = None,
+) -> ActionLabels:
     """Names of the `size` numbers of a checkpoint's actions; a mode says it whatever names do.
 
     Their names stand beside the checkpoint, where `duobench train` writes them, or else in the

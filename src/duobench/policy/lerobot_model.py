@@ -227,7 +227,12 @@ def _steps(wanted: int | None, longest: int) -> int:
     return wanted or min(EXECUTED, longest)
 
 
-def _configure(config: Any, folder: Path, device: str, dtype: str | None) -> None:
+def _configure(
+    config: Any,
+    folder: Path,
+    device: str,
+    dtype: str | None,
+) -> None:
     """Say in the configuration where and in which numbers the model runs."""
     config.pretrained_path, config.device = folder, device
     if hasattr(config, "pretrained_backbone_weights"):

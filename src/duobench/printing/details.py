@@ -47,7 +47,11 @@ class Dimension:
     tolerance_mm: float
 
 
-def _size(what: str, metres: float, tolerance: float = MATING) -> Dimension:
+def _size(
+    what: str,
+    metres: float,
+    tolerance: float = MATING,
+) -> Dimension:
     return Dimension(what=what, mm=round(1000 * metres, 3), tolerance_mm=tolerance)
 
 

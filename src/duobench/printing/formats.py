@@ -100,7 +100,11 @@ def _lines(job: PrintJob, spots: Sequence[Spot]) -> Iterator[str]:
     yield "</build>\n</model>"
 
 
-def _object(number: int, part: PrintedPart, colour: int) -> Iterator[str]:
+def _object(
+    number: int,
+    part: PrintedPart,
+    colour: int,
+) -> Iterator[str]:
     name = quoteattr(part.name)
     yield f'<object id="{number}" type="model" name={name} pid="1" pindex="{colour}">'
     yield "<mesh>\n<vertices>"

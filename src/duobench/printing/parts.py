@@ -39,7 +39,12 @@ _MERGED = 1e-6
 _UNSAFE = re.compile(r"[^\w.-]+")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class PrintedPart:
     """One part, in its print pose."""
 
@@ -92,7 +97,12 @@ class ObjectMass:
     """Whether the mass is felt; that of something fixed to the table is not."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class PrintJob:
     """Parts that are printed together: all of a task, or the jig."""
 
@@ -226,7 +236,12 @@ def _printed(
     return parts, masses
 
 
-def _pieces(body: str, shared: str, solid: Solid, turn: SE3) -> Iterator[PrintedPart]:
+def _pieces(
+    body: str,
+    shared: str,
+    solid: Solid,
+    turn: SE3,
+) -> Iterator[PrintedPart]:
     """The pieces of a solid, or the one that it is; and the body that shared ones belong to."""
     meshes = pieces_of(solid)
     if not solid.pieces:
@@ -337,7 +352,11 @@ def lay_out(parts: Sequence[PrintedPart]) -> tuple[Spot, ...]:
     return tuple(spot for bed, rows in enumerate(beds) for spot in _centred(bed, rows))
 
 
-def _new_row(beds: list[list[_Row]], width: float, depth: float) -> _Row:
+def _new_row(
+    beds: list[list[_Row]],
+    width: float,
+    depth: float,
+) -> _Row:
     """A row behind the others of a bed that has room, or the first of a new bed."""
     for rows in beds:
         front = rows[-1].front + rows[-1].depth + GAP

@@ -121,7 +121,11 @@ def recipe_of(job: PrintJob) -> Recipe:
     )
 
 
-def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
+def _part(
+    job: str,
+    part: PrintedPart,
+    beds: list[int],
+) -> PartRecipe:
     key = _key(job, part)
     changes = [details.CHANGES[key]] if key in details.CHANGES else []
     width, depth, height = (round(1000 * float(edge), 2) for edge in part.size)

@@ -154,7 +154,13 @@ def marks_of(task: Task, layout: Layout) -> Iterator[Mark]:
             for solid, at in zip(solids, poses, strict=True)
         )
         if z / 1000 + lowest > CONTACT:
-            yield Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
+            yield Mark(
+                name=name,
+                x=x,
+                y=y,
+                yaw=yaw,
+                on_table=False,
+            )
             continue
         contact, seen = (
             tuple(1000 * outline for outline in outlines_on_table(prop, layout, below))
@@ -274,7 +280,12 @@ def _overview(
         x, y = START + row * tile_height, (column + 0.5) * tile_width
         left, low = at(x, y)
         frame = _rectangle((left, low), at(x + tile_height, y - tile_width))
-        sheet.polygon(frame, line=0.15, grey=0.6, dash=1.0)
+        sheet.polygon(
+            frame,
+            line=0.15,
+            grey=0.6,
+            dash=1.0,
+        )
         sheet.text(left + 1, low + 1, str(number), 2.6)
     for number, mark in enumerate((m for m in marks if m.on_table), 1):
         for outline in mark.seen:
@@ -282,7 +293,12 @@ def _overview(
         sheet.text(*at(mark.x, mark.y), str(number), 2.4, bold=True)
     half = 500 * jig.WIDTH
     edge = _rectangle(at(START - 1000 * jig.BAR, half), at(START, -half))
-    sheet.polygon(edge, line=0.2, grey=0.4, fill=0.95)
+    sheet.polygon(
+        edge,
+        line=0.2,
+        grey=0.4,
+        fill=0.95,
+    )
     x, y = at(0.0, 0.0)
     _plus(sheet, x, y, 4)
     sheet.text(x + 2, y + 2, "x = 0, y = 0", 2.2)
@@ -290,7 +306,11 @@ def _overview(
     return sheet
 
 
-def _places(sheet: Sheet, marks: Sequence[Mark], top: float) -> None:
+def _places(
+    sheet: Sheet,
+    marks: Sequence[Mark],
+    top: float,
+) -> None:
     standing = [mark for mark in marks if mark.on_table]
     lines = [
         f"{number}  {mark.name}: {mark.words}"
@@ -307,7 +327,12 @@ def _places(sheet: Sheet, marks: Sequence[Mark], top: float) -> None:
         sheet.text(MARGIN, top - 5.5 * number, line, 2.8)
 
 
-def _tile_sheet(title: str, place: Tile, marks: Sequence[Mark], paper: Paper) -> Sheet:
+def _tile_sheet(
+    title: str,
+    place: Tile,
+    marks: Sequence[Mark],
+    paper: Paper,
+) -> Sheet:
     sheet = Sheet(*paper.size)
     width, height = tile_size(paper)
     low_x, high_y = START + place[0] * height, (place[1] + 0.5) * width
@@ -321,7 +346,14 @@ def _tile_sheet(title: str, place: Tile, marks: Sequence[Mark], paper: Paper) ->
     rows = np.arange(math.ceil(low_x / GRID) * GRID, low_x + height + 1e-6, GRID)
     for x, y in product(rows, columns):
         across, up = at(x, y)
-        _plus(sheet, across, up, 2, line=0.1, grey=0.5)
+        _plus(
+            sheet,
+            across,
+            up,
+            2,
+            line=0.1,
+            grey=0.5,
+        )
         if across + LABEL < left + width:
             sheet.text(across + 0.6, up + 0.6, f"{x:.0f}, {y:.0f}", 1.3)
     inside = (left, bottom, left + width, bottom + height)
@@ -336,7 +368,12 @@ def _tile_sheet(title: str, place: Tile, marks: Sequence[Mark], paper: Paper) ->
         if mark.on_table:
             _cross(sheet, mark, at(mark.x, mark.y), inside)
     frame = _rectangle((left, bottom), (left + width, bottom + height))
-    sheet.polygon(frame, line=0.15, dash=2.0, grey=0.4)
+    sheet.polygon(
+        frame,
+        line=0.15,
+        dash=2.0,
+        grey=0.4,
+    )
     if place == FIRST:
         _mark_of_jig(sheet, *at(START, 0.0))
     corner = f"lower left corner: x {low_x:.0f}, y {high_y:.0f} mm"
@@ -345,13 +382,22 @@ def _tile_sheet(title: str, place: Tile, marks: Sequence[Mark], paper: Paper) ->
     return sheet
 
 
-def _mark_of_jig(sheet: Sheet, x: float, y: float) -> None:
+def _mark_of_jig(
+    sheet: Sheet,
+    x: float,
+    y: float,
+) -> None:
     """What meets the notch of the jig."""
     sheet.polygon(((x, y), (x - 3, y + 6), (x + 3, y + 6)), line=0.15, fill=0.0)
     sheet.text(x + 5, y + 2, "this edge against the jig, this mark at its notch", 2.2)
 
 
-def _cross(sheet: Sheet, mark: Mark, at: tuple[float, float], inside: Box) -> None:
+def _cross(
+    sheet: Sheet,
+    mark: Mark,
+    at: tuple[float, float],
+    inside: Box,
+) -> None:
     """An object's origin, an arrow along its x, and its place in words."""
     x, y = at
     if not (inside[0] <= x <= inside[2] and inside[1] <= y <= inside[3]):
@@ -396,7 +442,11 @@ def _clipped(points: Sequence[Point], inside: Box) -> Iterator[tuple[Point, Poin
             yield one, other
 
 
-def _rulers(sheet: Sheet, flat: Point, upright: Point) -> None:
+def _rulers(
+    sheet: Sheet,
+    flat: Point,
+    upright: Point,
+) -> None:
     """Two rulers from their zeros: one to the right, one up."""
     for (x, y), (across, up) in ((flat, (1, 0)), (upright, (0, 1))):
         sheet.line((x, y), (x + RULER * across, y + RULER * up))
@@ -407,7 +457,13 @@ def _rulers(sheet: Sheet, flat: Point, upright: Point) -> None:
     sheet.text(flat[0] + RULER + 2, flat[1], f"{RULER:.0f} mm", 2.4)
 
 
-def _plus(sheet: Sheet, x: float, y: float, half: float, **style: float) -> None:
+def _plus(
+    sheet: Sheet,
+    x: float,
+    y: float,
+    half: float,
+    **style: float,
+) -> None:
     sheet.line((x - half, y), (x + half, y), **style)
     sheet.line((x, y - half), (x, y + half), **style)
 

@@ -66,7 +66,11 @@ DRIVERS: dict[str, dict[str, Driver]] = {
 """Drivers by the part of a rig that they drive and the name that a rig's file has for them."""
 
 
-def check_driver(part: str, name: str, place: str) -> None:
+def check_driver(
+    part: str,
+    name: str,
+    place: str,
+) -> None:
     """Reject a name that has no row and is no `module:NAME`; nothing is imported.
 
     Args:

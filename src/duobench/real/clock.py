@@ -37,7 +37,12 @@ class Clock(Protocol):
     def wait_until(self, time_s: float) -> None:
         """Return at a time, or at once if it has passed."""
 
-    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
+    def every(
+        self,
+        period_s: float,
+        call: Callable[[], None],
+        name: str,
+    ) -> Ticker:
         """Make a call periodically, the first time one period from now.
 
         Args:
@@ -62,7 +67,12 @@ class SystemClock:
         if left > 0.0:
             time.sleep(left)
 
-    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
+    def every(
+        self,
+        period_s: float,
+        call: Callable[[], None],
+        name: str,
+    ) -> Ticker:
         """Make a call periodically, in a thread."""
         return _Thread(period_s, call, name)
 
@@ -70,7 +80,12 @@ class SystemClock:
 class _Thread:
     """A thread that makes one call on a fixed grid of times."""
 
-    def __init__(self, period_s: float, call: Callable[[], None], name: str) -> None:
+    def __init__(
+        self,
+        period_s: float,
+        call: Callable[[], None],
+        name: str,
+    ) -> None:
         self._period, self._call = period_s, call
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -109,7 +124,12 @@ class VirtualClock:
             first.run()
         self._now = max(self._now, time_s)
 
-    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:  # noqa: ARG002
+    def every(
+        self,
+        period_s: float,
+        call: Callable[[], None],
+        name: str,  # noqa: ARG002 - the protocol's signature
+    ) -> Ticker:
         """Make a call periodically while somebody waits."""
         ticker = _Virtual(self._tickers, self._now, period_s, call)
         self._tickers.append(ticker)
@@ -143,7 +163,12 @@ class PacedClock(VirtualClock):
             time.sleep(left)
             super().wait_until(time_s)
 
-    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
+    def every(
+        self,
+        period_s: float,
+        call: Callable[[], None],
+        name: str,
+    ) -> Ticker:
         """Make a call periodically, in the thread of all of them."""
         with self._passed:
             ticker = super().every(period_s, call, name)

@@ -18,7 +18,12 @@ class ReferenceStreamer:
     Who uses `follower` holds `lock`.
     """
 
-    def __init__(self, arm: Arm, follower: Follower, clock: Clock) -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        follower: Follower,
+        clock: Clock,
+    ) -> None:
         self._arm, self._clock, self.follower = arm, clock, follower
         self.lock = threading.RLock()  # a signal may ask for a hold inside of it
         self._ticker: Ticker | None = None

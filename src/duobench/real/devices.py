@@ -17,7 +17,12 @@ from duobench.core.types import Array
 from duobench.results.labels import Fault
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class ArmReading:
     """One arm at one moment."""
 
@@ -121,7 +126,12 @@ class Gripper(Device, Protocol):
         """Keep the grip as it is: no more movement until the next command."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Frame:
     """One image of a camera, as it came from it."""
 

@@ -128,7 +128,12 @@ class RealEnv(DuoEnv):
         return {**super()._info(clipped), **more, WAITS: self.rig.waits - self._waits}
 
 
-def _layout_of(task: Task, given: Any, seed: int, split: str) -> Layout:
+def _layout_of(
+    task: Task,
+    given: Any,
+    seed: int,
+    split: str,
+) -> Layout:
     """The layout that a reset asks for; without one, only variants, which instructions need."""
     if isinstance(given, Layout):
         return given

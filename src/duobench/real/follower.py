@@ -142,7 +142,11 @@ class Follower:
         return np.minimum(np.maximum(velocity, low), high)
 
 
-def tool_share(jacobian: Array, velocity: Array, most: float) -> float:
+def tool_share(
+    jacobian: Array,
+    velocity: Array,
+    most: float,
+) -> float:
     """The part of joint velocities (7,) in rad/s with which a tool moves at most so fast, in m/s.
 
     The Jacobian (3, 7) is that of `tool_jacobians`.
@@ -151,7 +155,11 @@ def tool_share(jacobian: Array, velocity: Array, most: float) -> float:
     return min(1.0, most / speed) if speed > 0.0 else 1.0
 
 
-def paced(last: DuoCommand, sent: DuoCommand, speeds: Sequence[float]) -> DuoCommand:
+def paced(
+    last: DuoCommand,
+    sent: DuoCommand,
+    speeds: Sequence[float],
+) -> DuoCommand:
     """A command on the way from one to the next, to which no tool is faster than its speed in m/s.
 
     Both arms go the same part of the way, so that hands that hold one thing stay together.
@@ -164,7 +172,11 @@ def paced(last: DuoCommand, sent: DuoCommand, speeds: Sequence[float]) -> DuoCom
     return DuoCommand(joints=last.joints + share * way, openings=sent.openings)
 
 
-def _stopping(distance: Array, reach: float, dt: float) -> Array:
+def _stopping(
+    distance: Array,
+    reach: float,
+    dt: float,
+) -> Array:
     """The speed from which a joint that moves on for `dt` can stop within a distance."""
     step = 0.5 * reach * dt
     return np.maximum(np.sqrt(step * step + reach * distance) - step, 0.0)

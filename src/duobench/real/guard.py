@@ -287,7 +287,12 @@ def _part_of(model: MjModel, geom: int) -> _Part:
                 if is_finger
                 else f"the {side} gripper"
             )
-            return _Part(words=words, side=side, link=7, is_finger=is_finger)
+            return _Part(
+                words=words,
+                side=side,
+                link=7,
+                is_finger=is_finger,
+            )
         return _Part(words=f"the {side} arm's {rest}", side=side, link=int(rest[-1]))
     words = {"table": "the table", "floor": "the floor"}.get(name, "the mount")
     return _Part(words=words, is_table=name == "table")
@@ -339,7 +344,11 @@ def path_candidates(start: Array, end: Array) -> Iterator[list[Array]]:
         yield [begun, _one(begun, end, first), end]
 
 
-def _one(start: Array, end: Array, side: int) -> Array:
+def _one(
+    start: Array,
+    end: Array,
+    side: int,
+) -> Array:
     """One arm at the end, the other one still where it is."""
     middle = np.array(start)
     middle[side] = end[side]

@@ -436,7 +436,11 @@ class Rig:
         )
 
 
-def _check_positive(name: str, value: float, most: float) -> None:
+def _check_positive(
+    name: str,
+    value: float,
+    most: float,
+) -> None:
     if not 0.0 < value <= most:
         raise OptionError(f"{name} is over 0 and at most {most:g}, got {value}.")
 

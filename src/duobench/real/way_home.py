@@ -21,7 +21,12 @@ SLOWEST = 0.02
 _EPSILON, _DAMPING = 1e-6, 1e-3
 
 
-def path_home(guard: Guard | None, here: Array, *, retreats: bool) -> list[Array]:
+def path_home(
+    guard: Guard | None,
+    here: Array,
+    *,
+    retreats: bool,
+) -> list[Array]:
     """A path from joint positions (2, 7) in radians; see `Guard.plan_path`.
 
     Hands that may have been around something go back first, where the guard finds that free.

@@ -338,7 +338,12 @@ class RowKind(StrEnum):
     OVERALL = "overall"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class TableRow:
     """A row of the table."""
 

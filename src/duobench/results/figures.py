@@ -165,7 +165,11 @@ def _plot_bars(
     axes.spines["bottom"].set_bounds(0.0, 1.0)
 
 
-def _plot_bar(axes: Axes, row: float, result: TaskResult) -> None:
+def _plot_bar(
+    axes: Axes,
+    row: float,
+    result: TaskResult,
+) -> None:
     """Plot the segments of a task's bar, with the number of each stage, and the success rate."""
     left = 0.0
     colours = stage_colours(result.task.max_stage)
@@ -174,7 +178,14 @@ def _plot_bar(axes: Axes, row: float, result: TaskResult) -> None:
         if not count:
             continue
         colour = colours[stage]
-        bar = axes.barh(row, share, left=left, height=0.68, color=colour, linewidth=0)
+        bar = axes.barh(
+            row,
+            share,
+            left=left,
+            height=0.68,
+            color=colour,
+            linewidth=0,
+        )
         if left:
             axes.plot(
                 [left, left], [row - 0.34, row + 0.34], color="white", linewidth=0.8
@@ -203,7 +214,13 @@ def progress_over_time(results: Results) -> Figure:
         axes.fill_between(
             TIME, one.progress, step="post", color=CURVE, alpha=0.25, linewidth=0
         )
-        axes.step(TIME, one.progress, where="post", color=CURVE, linewidth=1.6)
+        axes.step(
+            TIME,
+            one.progress,
+            where="post",
+            color=CURVE,
+            linewidth=1.6,
+        )
     return figure
 
 
@@ -218,7 +235,13 @@ def _progress_panels(tasks: Sequence[TaskInfo]) -> tuple[Any, list[Axes]]:
     for index, (axes, task) in enumerate(zip(panels, tasks, strict=True)):
         for stage in range(1, task.max_stage + 1):
             level = stage / task.max_stage
-            axes.axhline(level, color=_FAINT, linewidth=0.5, alpha=0.6, zorder=0)
+            axes.axhline(
+                level,
+                color=_FAINT,
+                linewidth=0.5,
+                alpha=0.6,
+                zorder=0,
+            )
         axes.set_title(_short(task.title), fontsize=9, loc="left")
         axes.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
         axes.set(xlim=(0, 100), ylim=(0, 1.04), xticks=[0, 50, 100])
@@ -238,7 +261,13 @@ def overlaid_progress(
         for style, (_, results) in zip(_styles(len(runs)), runs, strict=True):
             result = results.get(task.id)
             if result:
-                axes.step(TIME, result.progress, where="post", linewidth=1.6, **style)
+                axes.step(
+                    TIME,
+                    result.progress,
+                    where="post",
+                    linewidth=1.6,
+                    **style,
+                )
     columns = 1 if max(map(len, names)) > _LONG_NAME else 3
     _add_legend(figure, names, columns)
     width, height = figure.get_size_inches()
@@ -286,10 +315,24 @@ def _plot_levels(
 ) -> None:
     at = [level + aside for level in scores]
     rates = [100 * (score.success_rate or 0.0) for score in scores.values()]
-    panel.plot(at, rates, marker="o", markersize=3.2, linewidth=1.5, **style)
+    panel.plot(
+        at,
+        rates,
+        marker="o",
+        markersize=3.2,
+        linewidth=1.5,
+        **style,
+    )
     lows = [100 * score.interval[0] for score in scores.values()]
     highs = [100 * score.interval[1] for score in scores.values()]
-    panel.vlines(at, lows, highs, color=style["color"], linewidth=1.0, alpha=0.6)
+    panel.vlines(
+        at,
+        lows,
+        highs,
+        color=style["color"],
+        linewidth=1.0,
+        alpha=0.6,
+    )
 
 
 def _styles(count: int) -> list[dict[str, Any]]:
@@ -298,9 +341,19 @@ def _styles(count: int) -> list[dict[str, Any]]:
     return [{"color": colour, "linestyle": dashes} for _, colour, dashes in each]
 
 
-def _add_legend(figure: Any, names: Sequence[str], columns: int) -> None:
+def _add_legend(
+    figure: Any,
+    names: Sequence[str],
+    columns: int,
+) -> None:
     handles = [
-        Line2D([], [], linewidth=1.8, label=name, **style)
+        Line2D(
+            [],
+            [],
+            linewidth=1.8,
+            label=name,
+            **style,
+        )
         for name, style in zip(names, _styles(len(names)), strict=True)
     ]
     figure.legend(
@@ -323,7 +376,11 @@ def plots(results: Results) -> dict[str, str]:
     return {name: as_svg(name, make, results) for name, make in FIGURES.items()}
 
 
-def as_svg(name: str, make: Callable[[*Values], Figure], *values: *Values) -> str:
+def as_svg(
+    name: str,
+    make: Callable[[*Values], Figure],
+    *values: *Values,
+) -> str:
     """A figure as an SVG document, in the style of all figures; the same one has the same text.
 
     Its name is another one than that of every figure on the same page.
@@ -355,6 +412,12 @@ def for_page(svg: str) -> str:
         "<metadata>.*?</metadata>",
         '<g id="patch_1">.*?</g>',
     ):
-        element = re.sub(unwanted, "", element, count=1, flags=re.DOTALL)
+        element = re.sub(
+            unwanted,
+            "",
+            element,
+            count=1,
+            flags=re.DOTALL,
+        )
     element = re.sub(r'<g id="[^"]*"', "<g", element)
     return element.replace(INK, "currentColor").replace(CURVE, "var(--accent)")

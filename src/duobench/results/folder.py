@@ -167,7 +167,13 @@ class RunReader(ABC):
             if wanted is None or key in wanted
         ]
 
-    def _record(self, run: Run, digest: str, condition: Condition, key: Key) -> Record:
+    def _record(
+        self,
+        run: Run,
+        digest: str,
+        condition: Condition,
+        key: Key,
+    ) -> Record:
         file = self.file(record_name(key))
         record = read(file, Record, RECORD_SCHEMA, advice=self.advice)
         (task,) = (task for task in run.suite.tasks if task.id == key.task)

@@ -181,10 +181,22 @@ class Journal:
             record.key, how, steps=record.steps, workers=self._workers, times=rounded
         )
 
-    def lose(self, key: Key, how: str, **facts: Any) -> None:
+    def lose(
+        self,
+        key: Key,
+        how: str,
+        **facts: Any,
+    ) -> None:
         """Note how an attempt ended, one of `ENDS`."""
         ends = self._attempts[key] = (*self.earlier(key), how)
-        self._add(Ended(**key._asdict(), attempt=len(ends), how=how, **facts))
+        self._add(
+            Ended(
+                **key._asdict(),
+                attempt=len(ends),
+                how=how,
+                **facts,
+            )
+        )
 
     def clear(self) -> None:
         """Forget what the file says; attempts that are in it count no more."""
@@ -246,7 +258,12 @@ def _row(label: str, notes: Iterable[Ended]) -> TimeRow:
     total = math.fsum(times.total for times in known)
     parts = [math.fsum(getattr(times, name) for times in known) for name in PARTS]
     rest = max(0.0, total - math.fsum(parts))
-    return TimeRow(label=label, episodes=len(known), total=total, parts=(*parts, rest))
+    return TimeRow(
+        label=label,
+        episodes=len(known),
+        total=total,
+        parts=(*parts, rest),
+    )
 
 
 def duration(seconds: float) -> str:

@@ -46,7 +46,11 @@ def software() -> str:
     return f"DuoBench {__version__} {package_source()[:12]}, Matplotlib {matplotlib.__version__}"
 
 
-def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
+def page(
+    template: str,
+    svgs: Mapping[str, str],
+    **values: Any,
+) -> str:
     """A page of results as HTML text, with its figures by name, from what its template shows."""
     return render(
         "duobench.results",
@@ -85,7 +89,11 @@ def json_text(content: object) -> str:
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
-def check_free(out: Path, sign: str, what: str) -> None:
+def check_free(
+    out: Path,
+    sign: str,
+    what: str,
+) -> None:
     """Make a folder to write into, or find by the file that is its sign that it holds the same."""
     if not (out / sign).exists() and any(files_in(out)):
         raise OtherRunError(f"{out} is not empty and holds no {what}.")

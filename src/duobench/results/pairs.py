@@ -113,7 +113,11 @@ class Pair:
         return tests[0] if tests else None
 
 
-def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | None:
+def compare_pair(
+    a: Entrant,
+    b: Entrant,
+    rows: Sequence[TableRow],
+) -> Pair | None:
     """Compare two runs with each other, row by row of a table.
 
     They are tested if both share episodes in every task that they have in common; episodes that
@@ -176,7 +180,11 @@ def _paired(row: TableRow, pairs: Pairs) -> Test:
     )
 
 
-def _unpaired(row: TableRow, a: Entrant, b: Entrant) -> Test | None:
+def _unpaired(
+    row: TableRow,
+    a: Entrant,
+    b: Entrant,
+) -> Test | None:
     """Numbers of two samples; None where tasks do not have the same share of either."""
     shares = {len(a.records(task.id)) / len(b.records(task.id)) for task in row.tasks}
     if len(shares) > 1:

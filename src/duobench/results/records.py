@@ -55,10 +55,20 @@ class Condition:
     """Name of the look; "custom" for one that has none."""
 
     @classmethod
-    def of(cls, policy: str, domain: str, config: EnvConfig) -> Condition:
+    def of(
+        cls,
+        policy: str,
+        domain: str,
+        config: EnvConfig,
+    ) -> Condition:
         """The condition of episodes in environments of a configuration."""
         look = config.look if isinstance(config.look, str) else "custom"
-        return cls(policy=policy, domain=domain, shift=config.shift, look=look)
+        return cls(
+            policy=policy,
+            domain=domain,
+            shift=config.shift,
+            look=look,
+        )
 
     @property
     def name(self) -> str:

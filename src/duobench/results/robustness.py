@@ -26,7 +26,12 @@ UNPROVEN = (shifts.LOOK, shifts.CAMERA, shifts.SENSING)
 """Axes that change only what a policy sees, of which its joint targets prove nothing."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Robustness:
     """What a policy reached under shifts."""
 

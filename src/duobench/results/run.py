@@ -35,7 +35,12 @@ from duobench.tasks.shifts.shift import NO_SHIFT, Shift, every_shift
 MAX_SHARDS = 10_000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, order=True)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    order=True,
+)
 class Shard:
     """Which part of a run this is: a number from 1 to the count of all parts.
 

@@ -84,9 +84,20 @@ def tango_interval(
         score = only_a - only_b - episodes * difference
         return score - sign * z * math.sqrt(max(0.0, variance))
 
-    def end(low: float, high: float, sign: float) -> float:
+    def end(
+        low: float,
+        high: float,
+        sign: float,
+    ) -> float:
         solve = _scipy("optimize").root_scalar
-        return float(solve(excess, (sign,), bracket=(low, high), method="brentq").root)
+        return float(
+            solve(
+                excess,
+                (sign,),
+                bracket=(low, high),
+                method="brentq",
+            ).root
+        )
 
     beside = 1e-12  # at the estimate itself, both sides are 0 where no episode tells them apart
     low = -1.0 if only_b == episodes else end(-1.0, estimate - beside, 1.0)

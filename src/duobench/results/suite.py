@@ -197,7 +197,12 @@ SUITES: Mapping[str, NamedSuite] = {
         NamedSuite(
             name="paper", revision=1, purpose="results to publish", episodes=100
         ),
-        NamedSuite(name="quick", revision=1, purpose="a first look", episodes=10),
+        NamedSuite(
+            name="quick",
+            revision=1,
+            purpose="a first look",
+            episodes=10,
+        ),
         NamedSuite(
             name="robust",
             revision=1,

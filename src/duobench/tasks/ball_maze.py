@@ -90,11 +90,21 @@ TASK = Task(
     kept_paraphrases=kept_paraphrases("ball_maze"),
     horizon=350,
     props=(
-        Prop(name="board", solid=board, choice="board", variants=wall_variants),
+        Prop(
+            name="board",
+            solid=board,
+            choice="board",
+            variants=wall_variants,
+        ),
         Prop(name="ball", solid=ball),
     ),
     placements={
-        "board": Placement(x=around(0.5, 0.1), y=around(0.0, 0.1), z=BASE, yaw=ANY_YAW)
+        "board": Placement(
+            x=around(0.5, 0.1),
+            y=around(0.0, 0.1),
+            z=BASE,
+            yaw=ANY_YAW,
+        )
     },
     variants={"board": Choice(tuple(str(number) for number in range(len(MAZES))))},
     arrange=_start_ball,

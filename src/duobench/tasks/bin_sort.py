@@ -49,7 +49,12 @@ def _apart(layout: Layout) -> bool:
 
 
 _BOWLS = {
-    name: Vessel(body=_bowl(name), radius=RADIUS - WALL, rim=RIM_HEIGHT, floor=FLOOR)
+    name: Vessel(
+        body=_bowl(name),
+        radius=RADIUS - WALL,
+        rim=RIM_HEIGHT,
+        floor=FLOOR,
+    )
     for name in COLOURS
 }
 _IN_BOWL = {name: vessel.received(_cube(name)) for name, vessel in _BOWLS.items()}

@@ -87,7 +87,12 @@ def check(name: str) -> None:
         check_known("task", name, HORIZONS)
 
 
-def trusted(task: str, reference: str, *, import_tasks: bool) -> str:
+def trusted(
+    task: str,
+    reference: str,
+    *,
+    import_tasks: bool,
+) -> str:
     """By what to load a task that data of others name: its id, or its import path if that may be.
 
     Raises:

@@ -188,7 +188,12 @@ def heap(
     """
     radius, floor, rim = room
     hollows = {
-        vessel: CylinderRegion(body=vessel, radius=radius, low=floor, high=rim)
+        vessel: CylinderRegion(
+            body=vessel,
+            radius=radius,
+            low=floor,
+            high=rim,
+        )
         for vessel in vessels
     }
 

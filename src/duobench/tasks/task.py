@@ -246,7 +246,11 @@ class Task:
         }
 
 
-def _check_named(what: str, named: object, kind: type) -> None:
+def _check_named(
+    what: str,
+    named: object,
+    kind: type,
+) -> None:
     if not isinstance(named, Mapping):
         raise TaskError(f"{what} is a dict by name, got a {type(named).__name__}.")
     for name, value in cast("Mapping[Any, Any]", named).items():

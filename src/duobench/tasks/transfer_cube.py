@@ -44,7 +44,12 @@ BELOW_RIM = 0.020
 """The block's lowest point is less than this above the table, in metres: not on top of the rim."""
 
 _CUBE = handover(CUBE, BOWL)
-_BOWL = Vessel(body=BOWL, radius=RADIUS - WALL, rim=RIM_HEIGHT, floor=FLOOR)
+_BOWL = Vessel(
+    body=BOWL,
+    radius=RADIUS - WALL,
+    rim=RIM_HEIGHT,
+    floor=FLOOR,
+)
 _STAYS = _CUBE.stays(_BOWL.over(CUBE))
 
 TASK = Task(

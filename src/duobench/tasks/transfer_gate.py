@@ -54,7 +54,12 @@ OVER_MAT = BoxRegion(
 _HELD = lifted_by_any(BLOCK, MAT)
 _WAY = passage(
     BLOCK,
-    Hole(body=GATE, height=RING_HEIGHT, radius=CROSSING_RADIUS, rim=RING_RADIUS),
+    Hole(
+        body=GATE,
+        height=RING_HEIGHT,
+        radius=CROSSING_RADIUS,
+        rim=RING_RADIUS,
+    ),
     length=LONG_BLOCK,
     held=_HELD,
 )

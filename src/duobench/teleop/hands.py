@@ -284,7 +284,12 @@ class HandDevice:
         self._acting.clear()
         return "Squeeze a clutch to begin."
 
-    def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
+    def intend(
+        self,
+        now_s: float,
+        state: DuoState,
+        command: DuoCommand,
+    ) -> Intent:
         """Return the poses that the hands lead the tools to."""
         self._led |= self._acting
         self._acting.clear()

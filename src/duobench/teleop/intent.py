@@ -7,7 +7,12 @@ from duobench.core.types import Array, DuoCommand, DuoState
 from duobench.teleop.messages import Message
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Intent:
     """Action of one control step that the operator leads, and how."""
 
@@ -46,7 +51,12 @@ class Device(Protocol):
         """Return what to do before the episode begins; None once it has begun."""
         ...
 
-    def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
+    def intend(
+        self,
+        now_s: float,
+        state: DuoState,
+        command: DuoCommand,
+    ) -> Intent:
         """The next action, from where the arms are and where they were commanded to be last."""
         ...
 

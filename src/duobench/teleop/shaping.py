@@ -94,7 +94,11 @@ class Shaper:
         return Shaped(pose=pose, is_limited=is_limited)
 
 
-def within(centre: Array, point: Array, distance: float) -> Array:
+def within(
+    centre: Array,
+    point: Array,
+    distance: float,
+) -> Array:
     """The point, brought towards a centre as far as it is further away than a distance."""
     away = point - centre
     size = length(away)

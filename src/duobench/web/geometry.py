@@ -330,7 +330,11 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> Triangles:
     )
 
 
-def _plane(half_x: float, half_y: float, cells: tuple[int, int]) -> Triangles:
+def _plane(
+    half_x: float,
+    half_y: float,
+    cells: tuple[int, int],
+) -> Triangles:
     """A plane that faces along z; one without end reaches 10 m."""
     along_x, along_y = (np.linspace(-1.0, 1.0, count + 1) for count in cells)
     x, y = np.meshgrid(
@@ -341,7 +345,11 @@ def _plane(half_x: float, half_y: float, cells: tuple[int, int]) -> Triangles:
     return Triangles(points=points, normals=normals, corners=_grid(*x.shape))
 
 
-def _box(x: float, y: float, z: float) -> Triangles:
+def _box(
+    x: float,
+    y: float,
+    z: float,
+) -> Triangles:
     points, normals, corners = [], [], []
     for axis in range(3):
         for sign in (1.0, -1.0):
@@ -360,7 +368,11 @@ def _box(x: float, y: float, z: float) -> Triangles:
     )
 
 
-def _ellipsoid(x: float, y: float, z: float) -> Triangles:
+def _ellipsoid(
+    x: float,
+    y: float,
+    z: float,
+) -> Triangles:
     angles = np.linspace(-np.pi / 2, np.pi / 2, STACKS + 1)
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     ball = _revolved(circle, circle, (1.0, 1.0))

@@ -254,9 +254,19 @@ class PageServer:
         """
         self._server.call(self._put, "cameras", encode(kind="cameras", cameras=cameras))
 
-    def pulse(self, side: str, strength: float, ms: int) -> None:
+    def pulse(
+        self,
+        side: str,
+        strength: float,
+        ms: int,
+    ) -> None:
         """Let the left or right controller of the driver rumble, at a strength from 0 to 1."""
-        text = encode(kind="pulse", side=side, strength=strength, ms=ms)
+        text = encode(
+            kind="pulse",
+            side=side,
+            strength=strength,
+            ms=ms,
+        )
         self._server.call(
             lambda: self._driver and self._driver.put(f"pulse {side}", text)
         )
@@ -292,7 +302,13 @@ class PageServer:
         for each in self._peers:
             role = "driver" if each is peer else "viewer"
             each.put(
-                "role", encode(kind="role", role=role, drivers=drivers, viewers=viewers)
+                "role",
+                encode(
+                    kind="role",
+                    role=role,
+                    drivers=drivers,
+                    viewers=viewers,
+                ),
             )
 
     async def _flush(self) -> None:
@@ -439,13 +455,22 @@ _NO_TOKEN = (
 )
 
 
-def _with(shelf: _Shelf, path: str, kind: str, data: bytes) -> _Shelf:
+def _with(
+    shelf: _Shelf,
+    path: str,
+    kind: str,
+    data: bytes,
+) -> _Shelf:
     """A shelf on which something is the newest."""
     others = [other for other in shelf if other != path][-(MAX_SCENES - 1) :]
     return {other: shelf[other] for other in others} | {path: (kind, (data, None))}
 
 
-def _found(kind: str, content: tuple[bytes, str | None], request: Request) -> Response:
+def _found(
+    kind: str,
+    content: tuple[bytes, str | None],
+    request: Request,
+) -> Response:
     body, encoding = content
     accepted = ",".join(request.headers.get_all("Accept-Encoding"))
     if encoding is not None and encoding not in accepted:

@@ -43,7 +43,11 @@ def lights_of(model: mujoco.MjModel, look: Look) -> dict[str, Any]:
     }
 
 
-def emission_of(model: mujoco.MjModel, material: int, look: Look) -> float:
+def emission_of(
+    model: mujoco.MjModel,
+    material: int,
+    look: Look,
+) -> float:
     """The share of its colour that a geom of a material, -1 for none, shines with by itself."""
     if material < 0:
         return 0.0

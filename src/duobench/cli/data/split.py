@@ -35,6 +35,12 @@ def run(
         )
     from duobench.data.arrange import split as split_into
 
-    counts = split_into(source, *out, fraction=fraction, tasks=tasks, seed=seed)
+    counts = split_into(
+        source,
+        *out,
+        fraction=fraction,
+        tasks=tasks,
+        seed=seed,
+    )
     for folder, count in zip(out, counts, strict=True):
         say(f"{counted(count, 'episode')} in {folder}")

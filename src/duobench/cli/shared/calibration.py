@@ -102,7 +102,12 @@ def _capture(
                 say(f"{len(folder)}: {len(found.points)} of 28 corners")
 
 
-def write_place(path: Path, rig: Rig, camera: str, found: Measured) -> None:
+def write_place(
+    path: Path,
+    rig: Rig,
+    camera: str,
+    found: Measured,
+) -> None:
     """Write where a camera is into the file of a rig, and say how well it is known."""
     write_camera(path, rig, camera, found.calibration)
     x, y, z = (1000.0 * each for each in found.calibration.pose[:3])

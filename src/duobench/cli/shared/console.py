@@ -72,7 +72,12 @@ class _Uncut(Table):
 
 def table(*columns: Column | str, **options: Any) -> Table:
     """A table without a frame."""
-    return _Uncut(*columns, box=box.SIMPLE_HEAD, pad_edge=False, **options)
+    return _Uncut(
+        *columns,
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        **options,
+    )
 
 
 def whole(heading: str, **options: Any) -> Column:
@@ -117,7 +122,11 @@ def results_table(part: RunPart) -> Table:
     notes = [note for note in (far_off, part.repeatability, legend) if note]
     rows.caption = "\n".join(notes)
 
-    def cells(name: str, score: Score, wanted: int) -> list[str]:
+    def cells(
+        name: str,
+        score: Score,
+        wanted: int,
+    ) -> list[str]:
         """What every row has; a run that is not finished says how far it is."""
         episodes = (
             str(score.episodes)

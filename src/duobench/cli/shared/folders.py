@@ -29,7 +29,12 @@ def open_data(
     from duobench.data import DataSet
 
     own = catalog.import_paths(tasks)
-    return DataSet.open(folder, create=False, import_tasks=import_tasks, own_tasks=own)
+    return DataSet.open(
+        folder,
+        create=False,
+        import_tasks=import_tasks,
+        own_tasks=own,
+    )
 
 
 def tell_missing(reader: RunReader) -> None:

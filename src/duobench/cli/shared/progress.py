@@ -37,7 +37,12 @@ time is past as at the last line."""
 class Display:
     """Bars that are updated in place, one for each name, or a few lines."""
 
-    def __init__(self, console: Console, noun: str, progress: Progress) -> None:
+    def __init__(
+        self,
+        console: Console,
+        noun: str,
+        progress: Progress,
+    ) -> None:
         self._console, self._noun, self._progress = console, noun, progress
         self._bars: dict[str, TaskID] = {}
         self._successes: Counter[str] = Counter()

@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
 
 
-def reset_env(task: Task, seed: int, look: str = DEFAULT) -> SimEnv:
+def reset_env(
+    task: Task,
+    seed: int,
+    look: str = DEFAULT,
+) -> SimEnv:
     """An environment with the layout that a seed gives, tried on the simulated objects."""
     from duobench.envs import RandomizedReset
     from duobench.envs.sim_env import SimEnv

@@ -23,7 +23,11 @@ OPTIONS = {
 }
 
 
-def meant_command(word: str, program: str, known: Collection[str]) -> str:
+def meant_command(
+    word: str,
+    program: str,
+    known: Collection[str],
+) -> str:
     """Return a hint where `program`, such as "duobench data", has no command of a name."""
     for name in [COMMANDS.get(word, ""), *get_close_matches(word, known, n=1)]:
         if name in known or name.startswith("--"):

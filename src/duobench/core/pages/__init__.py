@@ -6,7 +6,11 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 
-def render(package: str, template: str, **values: Any) -> str:
+def render(
+    package: str,
+    template: str,
+    **values: Any,
+) -> str:
     """A page as HTML text.
 
     Args:

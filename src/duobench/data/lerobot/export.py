@@ -219,7 +219,11 @@ def _plan(
     )
 
 
-def _own_look(recording: Recording, path: Path, options: ExportOptions) -> str | None:
+def _own_look(
+    recording: Recording,
+    path: Path,
+    options: ExportOptions,
+) -> str | None:
     """The look of an episode where each has its own; None where it has that of all, or videos."""
     info, number = recording.info, options.look_numbers
     if number is None or info.is_real or not options.cameras:
@@ -273,7 +277,11 @@ def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
     )
 
 
-def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
+def _check(
+    recording: Recording,
+    options: ExportOptions,
+    path: Path,
+) -> None:
     """Reject now what would stop the export later, and what is of another suite."""
     suite = recording.info.suite_version
     if suite != SUITE_VERSION and not recording.info.is_real:

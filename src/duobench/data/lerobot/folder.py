@@ -214,7 +214,14 @@ class ExportFolder:
         """Begin an export in this folder, or continue the one that is there."""
         ours = self.meta / "duobench.json"  # unknown to LeRobot
         advice = "Export into another folder."
-        begin_or_continue(self.path, ours, export, SCHEMA, what="export", advice=advice)
+        begin_or_continue(
+            self.path,
+            ours,
+            export,
+            SCHEMA,
+            what="export",
+            advice=advice,
+        )
         remove_temporary(self.path)
         numbers = range(len(export.episodes))
         cameras = export.options.cameras
@@ -250,7 +257,15 @@ def _numbers(index: int) -> dict[str, int]:
 
 def as_json(document: object) -> str:
     """The text of a file in `meta`, as LeRobot writes it."""
-    return json.dumps(document, indent=4, ensure_ascii=False, allow_nan=False) + "\n"
+    return (
+        json.dumps(
+            document,
+            indent=4,
+            ensure_ascii=False,
+            allow_nan=False,
+        )
+        + "\n"
+    )
 
 
 def columns(vectors: Vectors) -> tuple[str, ...]:

@@ -113,7 +113,11 @@ def _statistics(
     }
 
 
-def _episode(export: Export, index: int, numbers: _Lists) -> dict[str, Any]:
+def _episode(
+    export: Export,
+    index: int,
+    numbers: _Lists,
+) -> dict[str, Any]:
     """Place of an episode and its statistics, as a row of the table of episodes."""
     source, (chunk, file) = export.episodes[index], divmod(index, CHUNK_SIZE)
     first = export.first_row(index)

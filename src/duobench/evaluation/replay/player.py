@@ -164,7 +164,13 @@ class RecordPlayer(Player):
         recorder = EpisodeRecorder(episode)
         env = self.environment_of(record, has_images=has_images)
         watching = (recorder, _Sendable(record, targets), *watchers)
-        for _ in self.play(env, targets, watching, seed=episode.seed, chunk=chunk):
+        for _ in self.play(
+            env,
+            targets,
+            watching,
+            seed=episode.seed,
+            chunk=chunk,
+        ):
             pass
         replay = recorder.record(self._run, record.versions, record.policy)
         if record.error is None:
@@ -192,7 +198,12 @@ class _Sendable(Watcher):
         observation: Observation,  # noqa: ARG002 - the protocol's signature
         info: Info,
     ) -> None:
-        if not np.allclose(self._first, info["sent"], rtol=0, atol=HOLD_TOLERANCE):
+        if not np.allclose(
+            self._first,
+            info["sent"],
+            rtol=0,
+            atol=HOLD_TOLERANCE,
+        ):
             raise EvaluationError(
                 f"It does not hold its command for a latency of {self._latency} steps."
             )
@@ -311,7 +322,11 @@ def _config(task: Task, recording: Recording) -> EnvConfig:
     return replace(config, horizon=sys.maxsize, instructions=FIXED)
 
 
-def _divergence(player: Player, env: gym.Env, recording: Recording) -> Divergence:
+def _divergence(
+    player: Player,
+    env: gym.Env,
+    recording: Recording,
+) -> Divergence:
     comparison, info = _Comparison(recording), recording.info
     options: dict[str, Any] = {LAYOUT: info.layout}
     if info.seed is not None:  # what shifts sample follows from it

@@ -45,7 +45,11 @@ _OF_AN_EPISODE = (
 """Errors after which the other episodes are still possible."""
 
 
-def choose(run: Run, records: Iterable[Record], words: Sequence[str]) -> list[Record]:
+def choose(
+    run: Run,
+    records: Iterable[Record],
+    words: Sequence[str],
+) -> list[Record]:
     """The finished episodes that words choose, in the order of the run.
 
     Words are "failures", "all" or "TASK:EPISODE", such as "bin_sort:3", under all conditions;
@@ -160,7 +164,13 @@ def make_missing(
 class _Renderer:
     """Makes videos and replays of episodes of a run, in its folder; see `RecordPlayer`."""
 
-    def __init__(self, folder: RunFolder, run: Run, *, import_tasks: bool) -> None:
+    def __init__(
+        self,
+        folder: RunFolder,
+        run: Run,
+        *,
+        import_tasks: bool,
+    ) -> None:
         self._folder, self._run = folder, run
         self._player = RecordPlayer(run, import_tasks=import_tasks)
         chunk, execution = run.candidate.metadata.horizon, run.suite.execution

@@ -373,7 +373,12 @@ def _recorded(name: str, path: Path) -> Item:
     stage = "" if outcome is None else f", stage {outcome.stage} of {outcome.max_stage}"
     state = SUCCESS if succeeded else FAILURE
     detail = f"{actor}: {state}{stage}"
-    return Item(id=name, title=name.replace("/", " "), detail=detail, state=state)
+    return Item(
+        id=name,
+        title=name.replace("/", " "),
+        detail=detail,
+        state=state,
+    )
 
 
 def _finished(name: str, record: Record) -> Item:

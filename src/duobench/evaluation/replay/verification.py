@@ -220,7 +220,11 @@ def _parts(run: Run, each: Iterable[tuple[Record, Verdict]]) -> tuple[RunPart, .
     return tuple(group_by_condition(run, records))
 
 
-def _finding(key: Key, verdict: Verdict, reason: str = "") -> Finding:
+def _finding(
+    key: Key,
+    verdict: Verdict,
+    reason: str = "",
+) -> Finding:
     return Finding(key=key, verdict=verdict, reason=" ".join(escaped(reason).split()))
 
 
@@ -351,7 +355,12 @@ def _bits(record: Record) -> dict[str, Any]:
 def _is_close(claimed: Any, shown: Any) -> bool:
     if claimed is None or shown is None:
         return False
-    return np.allclose(claimed, shown, rtol=0, atol=TOLERANCE)
+    return np.allclose(
+        claimed,
+        shown,
+        rtol=0,
+        atol=TOLERANCE,
+    )
 
 
 def _different(

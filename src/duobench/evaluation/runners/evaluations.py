@@ -102,7 +102,12 @@ def evaluate(  # noqa: PLR0913
     choice = PolicyChoice(name=policy) if isinstance(policy, str) else policy
     if videos < 0:
         raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
-    job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos)
+    job = Job(
+        policy=choice,
+        suite=suite,
+        limits=limits or TimeLimits(),
+        videos=videos,
+    )
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
         run = executor.prepare()
@@ -201,7 +206,11 @@ def _report(folder: RunFolder, shard: Shard) -> list[Key]:
     return there
 
 
-def _check_complete(folder: RunFolder, ours: Set[Key], there: Sequence[Key]) -> None:
+def _check_complete(
+    folder: RunFolder,
+    ours: Set[Key],
+    there: Sequence[Key],
+) -> None:
     """Reject a folder in which records of a shard are missing that were played."""
     missing = ours - set(there)
     if missing:

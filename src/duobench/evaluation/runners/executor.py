@@ -524,7 +524,11 @@ Executor = LocalExecutor | ProcessExecutor
 """Something that plays episodes, in whatever processes, and writes nothing."""
 
 
-def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Executor:
+def executor_for(
+    job: Job,
+    workers: int,
+    cluster: Cluster | None = None,
+) -> Executor:
     """Return an executor of a job, with so many processes side by side, or with 0 in this one."""
     if workers < 0:
         raise EvaluationError(

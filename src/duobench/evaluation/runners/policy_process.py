@@ -30,7 +30,11 @@ class Answering(msgspec.Struct, tag=True, frozen=True):
     address: PolicyAddress
 
 
-def main(connection: int, clock: int, host: str = LOOPBACK) -> None:
+def main(
+    connection: int,
+    clock: int,
+    host: str = LOOPBACK,
+) -> None:
     """Answer until asked to stop; see `WorkerProcess`.
 
     It listens at `host`; that of another interface is reached by other machines.
@@ -61,6 +65,11 @@ def _serve(
     threading.Thread(
         target=lambda: (requests.get(), server.stop()), daemon=True
     ).start()
-    address = PolicyAddress(host=host, port=server.port, key=key, batching=batching)
+    address = PolicyAddress(
+        host=host,
+        port=server.port,
+        key=key,
+        batching=batching,
+    )
     parent.report(Answering(address))
     server.run()

@@ -68,7 +68,12 @@ class RayLauncher:
         workers: Most workers, of which all may be on one node.
     """
 
-    def __init__(self, cluster: Cluster, job: Job, workers: int) -> None:
+    def __init__(
+        self,
+        cluster: Cluster,
+        job: Job,
+        workers: int,
+    ) -> None:
         self._cluster = cluster
         self._renderers = workers if job.videos or job.policy.kind.may_see else 0
         self._is_connected = False

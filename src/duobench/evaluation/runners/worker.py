@@ -74,7 +74,13 @@ def main(connection: int, clock: int) -> None:
     run_child(connection, Request, partial(_play, clock=EpisodeClock(clock)))
 
 
-def _play(job: Job, parent: Parent, requests: Requests, *, clock: EpisodeClock) -> None:
+def _play(
+    job: Job,
+    parent: Parent,
+    requests: Requests,
+    *,
+    clock: EpisodeClock,
+) -> None:
     """Make the policy, then play one episode after the other."""
     runner = EpisodeRunner(
         find_source(job.policy, job.suite.tasks, job.limits),

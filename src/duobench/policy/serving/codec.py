@@ -198,7 +198,11 @@ def _scalar(fields: dict[str, Any]) -> np.generic:
         ) from error
 
 
-def _expect(fields: dict[str, Any], mark: str, names: set[str]) -> None:
+def _expect(
+    fields: dict[str, Any],
+    mark: str,
+    names: set[str],
+) -> None:
     if fields.keys() != names or fields[mark] is not True:
         raise MessageError(
             f"A map with {mark} has exactly the keys {', '.join(sorted(names))}."

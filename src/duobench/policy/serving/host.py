@@ -345,7 +345,11 @@ async def _unless_gone(
         gone.cancel()
 
 
-async def _close(connection: ServerConnection, code: int, reason: str) -> None:
+async def _close(
+    connection: ServerConnection,
+    code: int,
+    reason: str,
+) -> None:
     """Say goodbye; a client that reads nothing does not get it."""
     with suppress(TimeoutError):
         async with asyncio.timeout(limits.CLOSE_S):

@@ -230,12 +230,20 @@ def _decoded(name: str, document: dict[str, Any]) -> MessageFormat:
         ) from error
 
 
-def _check_names(kind: str, names: Iterable[str], known: Collection[str]) -> None:
+def _check_names(
+    kind: str,
+    names: Iterable[str],
+    known: Collection[str],
+) -> None:
     for name in names:
         check_known(kind, name, known)
 
 
-def _put(request: dict[str, Any], key: str, value: object) -> None:
+def _put(
+    request: dict[str, Any],
+    key: str,
+    value: object,
+) -> None:
     """Put a value where a key with dots says."""
     *above, last = key.split(".")
     for name in above:

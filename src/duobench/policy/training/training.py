@@ -128,7 +128,13 @@ def plan_all(
     """
     data = data.absolute()
     wanted = () if ALL in tasks else tuple(tasks)
-    one = partial(_plan, kind, steps=steps, small=small, domain_ids=domain_ids)
+    one = partial(
+        _plan,
+        kind,
+        steps=steps,
+        small=small,
+        domain_ids=domain_ids,
+    )
     folders = {
         path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")
     }
@@ -225,7 +231,11 @@ def program() -> Path:
     return Path(command)
 
 
-def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
+def _recipe(
+    kind: str,
+    small: bool,
+    source: LearningData,
+) -> Recipe:
     if source.holds_objects_alone:
         if kind in RECIPES and kind not in OBJECT_STATES:
             raise DataError(
@@ -266,7 +276,11 @@ def _tasks(
     return tuple(dict.fromkeys(wanted)) or there
 
 
-def _domain_setting(kind: str, recipe: Recipe, source: LearningData) -> Setting:
+def _domain_setting(
+    kind: str,
+    recipe: Recipe,
+    source: LearningData,
+) -> Setting:
     """The option that tells a policy which episodes are simulated."""
     if not recipe.takes_domains:
         raise DataError(
@@ -460,7 +474,11 @@ _SEEN = (STATE, OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_C
 """Features that an environment can show, under the names of a data set."""
 
 
-def _wrong_shape(features: Mapping[str, Any], key: str, size: int) -> Iterator[str]:
+def _wrong_shape(
+    features: Mapping[str, Any],
+    key: str,
+    size: int,
+) -> Iterator[str]:
     feature = features.get(key)
     shape = feature.get("shape") if isinstance(feature, Mapping) else None
     if list(shape or ()) != [size]:

@@ -169,7 +169,11 @@ def write_board(board: Board, path: Path) -> None:
     files.write(path, pdf([sheet], title))
 
 
-def _draw_ruler(sheet: Sheet, left: float, length: float) -> None:
+def _draw_ruler(
+    sheet: Sheet,
+    left: float,
+    length: float,
+) -> None:
     sheet.line((left, _RULER_Y), (left + length, _RULER_Y), line=0.15)
     for mark in range(int(length) + 1):
         height = 6.0 if mark % 10 == 0 else 4.0 if mark % 5 == 0 else 2.5
@@ -189,7 +193,12 @@ WINDOW = 0.12
 """Half of the window in which a corner is refined, in squares; markers begin at 0.125."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Detection:
     """Corners of the board in one image."""
 

@@ -167,7 +167,12 @@ LARGEST_ERROR_MM = 5.0
 """Error of the board's place on held-out views from which something is wrong."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class View:
     """An image of the board, and where the arm was."""
 
@@ -176,7 +181,12 @@ class View:
     """Joint positions (7,) in radians, at rest."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class _Seen:
     detection: Detection
     table_from_flange: SE3

@@ -26,11 +26,27 @@ class Outcome(StrEnum):
     """Check that does not apply, or could not be made."""
     FAILED = "failed"
 
-    def of(self, name: str, value: str, advice: str = "") -> Check:
+    def of(
+        self,
+        name: str,
+        value: str,
+        advice: str = "",
+    ) -> Check:
         """A check that ended like this."""
-        return Check(name=name, outcome=self, value=value, advice=advice)
+        return Check(
+            name=name,
+            outcome=self,
+            value=value,
+            advice=advice,
+        )
 
-    def unless(self, is_well: bool, name: str, value: str, advice: str = "") -> Check:
+    def unless(
+        self,
+        is_well: bool,
+        name: str,
+        value: str,
+        advice: str = "",
+    ) -> Check:
         """A check that went well, or ended like this with a piece of advice."""
         return Outcome.OK.of(name, value) if is_well else self.of(name, value, advice)
 

@@ -27,7 +27,12 @@ class LatestFrame(ABC):
 
     stale_s = STALE_S
 
-    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+    def __init__(
+        self,
+        config: CameraConfig,
+        clock: Clock,
+        name: str = "",
+    ) -> None:
         self.config, self.clock, self.name = config, clock, name or config.device
         self.usb = ""
         """The USB version of its connection, such as 3.2; empty where it is not known."""
@@ -83,7 +88,12 @@ class LatestFrame(ABC):
         self._frame, self.trouble = None, ""
         self._connected_at = self.clock.now()
 
-    def publish(self, image: Image, time_s: float, index: int) -> None:
+    def publish(
+        self,
+        image: Image,
+        time_s: float,
+        index: int,
+    ) -> None:
         """Take a frame, whose arguments are those of `Frame`, and give it to who listens."""
         height, width = self.config.size
         if image.shape != (height, width, 3):
@@ -101,7 +111,12 @@ class LatestFrame(ABC):
 class TickedCamera(LatestFrame):
     """A camera whose images a ticker of the clock takes; arguments are those of `LatestFrame`."""
 
-    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+    def __init__(
+        self,
+        config: CameraConfig,
+        clock: Clock,
+        name: str = "",
+    ) -> None:
         super().__init__(config, clock, name)
         self._ticker: Ticker | None = None
         self._index = 0
@@ -150,7 +165,12 @@ class ThreadedCamera(LatestFrame):
 
     opening_s = 10.0
 
-    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+    def __init__(
+        self,
+        config: CameraConfig,
+        clock: Clock,
+        name: str = "",
+    ) -> None:
         super().__init__(config, clock, name)
         self._thread: threading.Thread | None = None
         self._is_closing = threading.Event()

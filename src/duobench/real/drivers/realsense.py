@@ -36,7 +36,12 @@ class RealSenseCamera(ThreadedCamera):
 
     opening_s = ATTEMPTS * HANG_S + RESET_S + 5.0
 
-    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+    def __init__(
+        self,
+        config: CameraConfig,
+        clock: Clock,
+        name: str = "",
+    ) -> None:
         super().__init__(config, clock, name)
         self._library: Any = None
         self._pipeline: Any = None

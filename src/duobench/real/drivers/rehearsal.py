@@ -25,7 +25,12 @@ RENDER_S = 0.1
 class RehearsalArm:
     """The arm of the world that stands on the mount which the rig's address names."""
 
-    def __init__(self, config: ArmConfig, clock: Clock, world: RehearsalWorld) -> None:
+    def __init__(
+        self,
+        config: ArmConfig,
+        clock: Clock,
+        world: RehearsalWorld,
+    ) -> None:
         self._config, self._clock, self._world = config, clock, world
         self.mount = _side(config.address, "address")
         """The mount on which it stands."""

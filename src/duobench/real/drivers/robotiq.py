@@ -123,7 +123,12 @@ class SerialPort:
         logging.getLogger("pymodbus").addHandler(logging.NullHandler())
         self._errors = (OSError, modbus.ModbusException)
         client = clients.ModbusSerialClient
-        self.client: Any = client(name, baudrate=BAUD, timeout=answer_s, retries=0)
+        self.client: Any = client(
+            name,
+            baudrate=BAUD,
+            timeout=answer_s,
+            retries=0,
+        )
         self.trouble = ""
 
     @property
@@ -157,7 +162,12 @@ class SerialPort:
         """Close the port."""
         self.client.close()
 
-    def _answer(self, ask: Callable[..., Any], *what: Any, **more: Any) -> Any:
+    def _answer(
+        self,
+        ask: Callable[..., Any],
+        *what: Any,
+        **more: Any,
+    ) -> Any:
         try:
             answer = ask(*what, **more, device_id=DEVICE_ID)
         except self._errors as error:
@@ -388,7 +398,11 @@ class RobotiqGripper:
         return self._port is not None and self._port.open()
 
 
-def _end(gripper: RobotiqGripper, clock: Clock, opening: float) -> int:
+def _end(
+    gripper: RobotiqGripper,
+    clock: Clock,
+    opening: float,
+) -> int:
     gripper.command(opening)
     end, last, since = clock.now() + ACTIVATION_S, gripper.position, clock.now()
     while clock.now() < end:

@@ -40,7 +40,12 @@ _EXPOSURE_UNIT_US = 100.0
 class UvcCamera(ThreadedCamera):
     """A video device by its file, best one of /dev/v4l/by-id/."""
 
-    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+    def __init__(
+        self,
+        config: CameraConfig,
+        clock: Clock,
+        name: str = "",
+    ) -> None:
         super().__init__(config, clock, name)
         self._container: Any = None
         self._frames: Iterator[Any] = iter(())
@@ -92,7 +97,12 @@ class FileCamera(TickedCamera):
     `config.device` is its file, or begins with `lavfi:`.
     """
 
-    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+    def __init__(
+        self,
+        config: CameraConfig,
+        clock: Clock,
+        name: str = "",
+    ) -> None:
         super().__init__(config, clock, name)
         self._images = self._play()
 
@@ -157,7 +167,11 @@ def pixels(frame: Any, *, is_side_by_side: bool) -> Image:
     return np.ascontiguousarray(image)
 
 
-def lock_exposure(device: str, exposure_us: float | None, gain: float | None) -> None:
+def lock_exposure(
+    device: str,
+    exposure_us: float | None,
+    gain: float | None,
+) -> None:
     """Set what is given, and keep the camera from changing it and its white balance.
 
     Exposure is in microseconds, in steps of 100, and gain in the camera's units; None leaves one

@@ -80,7 +80,14 @@ def make_rig_recorder(
 ) -> Recorder:
     """A `Recorder` with all cameras of a rig, in which every episode waits for a decision."""
     rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
-    return Recorder(env, data, actor, is_reviewed=True, rig=rig, **options)
+    return Recorder(
+        env,
+        data,
+        actor,
+        is_reviewed=True,
+        rig=rig,
+        **options,
+    )
 
 
 REASONS = {
@@ -172,7 +179,12 @@ class PolicyRunner:
         ending = _LastStep()
         error = failure = None
         try:
-            rollout(self.env, self.asked, seed=seed, watchers=[ending, *watchers])
+            rollout(
+                self.env,
+                self.asked,
+                seed=seed,
+                watchers=[ending, *watchers],
+            )
         except PolicyError as caught:
             error = caught
         except DuoBenchError as caught:

@@ -143,7 +143,12 @@ class RigRecording(RigSession):
         metadata = source.metadata
         (info,) = find_tasks([task])
         horizon = horizon or info.horizon
-        env = make_real_env(duo, task, **needed_options(metadata), horizon=horizon)
+        env = make_real_env(
+            duo,
+            task,
+            **needed_options(metadata),
+            horizon=horizon,
+        )
         super().__init__(duo, env.get_wrapper_attr("judge"))
         who = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
         self.env = make_rig_recorder(env, duo, data, who, after_success=after_success)

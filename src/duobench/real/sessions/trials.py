@@ -176,7 +176,13 @@ class TrialsSession(RigSession):
         if self._trial is not None:
             number, attempt = self._trial.number, self._attempt
             self._log.add(
-                LogEntry(kind=kind, trial=number, attempt=attempt, at=_now(), **more)
+                LogEntry(
+                    kind=kind,
+                    trial=number,
+                    attempt=attempt,
+                    at=_now(),
+                    **more,
+                )
             )
 
     def on_step(self, step: Step) -> None:

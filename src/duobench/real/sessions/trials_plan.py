@@ -112,7 +112,12 @@ class TrialsPlan:
                 sorted(policies, key=lambda each: order.index(each.policy))
             )
         run = replace(self.run, candidates=policies)
-        return replace(self, run=run, rater=before.rater, order_seed=before.order_seed)
+        return replace(
+            self,
+            run=run,
+            rater=before.rater,
+            order_seed=before.order_seed,
+        )
 
     def differences(self, other: TrialsPlan) -> list[str]:
         """Return the differences of another plan, field by field; it may have fewer episodes."""

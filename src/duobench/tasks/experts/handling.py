@@ -51,10 +51,20 @@ def pick(
     """
     grasp = grasp @ arms.variety.grasp_offset(freedom)
     arms.openings[side.index] = OPEN
-    yield from move(arms, {side: grasp.moved(z=above)}, speed=speed, tolerance=NEAR)
+    yield from move(
+        arms,
+        {side: grasp.moved(z=above)},
+        speed=speed,
+        tolerance=NEAR,
+    )
     yield from move(arms, {side: grasp}, speed=CAREFUL)
     yield from grip(arms, side)
-    yield from move(arms, {side: grasp.moved(z=lift)}, speed=0.3, arrive=False)
+    yield from move(
+        arms,
+        {side: grasp.moved(z=lift)},
+        speed=0.3,
+        arrive=False,
+    )
 
 
 def pick_cube(
@@ -73,7 +83,17 @@ def pick_cube(
         pose = arms.sim.pose(cube)
         x, y, _ = pose.translation
         yaw = nearest_turn(pose.yaw, math.pi / 2)
-        yield from pick(arms, side, down(x, y, height, yaw=yaw, tilt=tilt))
+        yield from pick(
+            arms,
+            side,
+            down(
+                x,
+                y,
+                height,
+                yaw=yaw,
+                tilt=tilt,
+            ),
+        )
 
 
 def come_down(
@@ -99,11 +119,21 @@ def come_down(
     for side in grasps:
         arms.openings[side.index] = opening
     start = {side: grasp.moved(z=above) for side, grasp in grasps.items()}
-    yield from move(arms, start, speed=speed, tolerance=NEAR)
+    yield from move(
+        arms,
+        start,
+        speed=speed,
+        tolerance=NEAR,
+    )
     yield from move(arms, grasps, speed=CAREFUL)
 
 
-def tool_for(arms: Arms, side: Side, body: str, goal: SE3) -> SE3:
+def tool_for(
+    arms: Arms,
+    side: Side,
+    body: str,
+    goal: SE3,
+) -> SE3:
     """Tool pose at which a body, as it lies in the hand now, has a pose in the table frame."""
     return goal @ arms.sim.pose(body).inverse() @ arms.tcp_pose(side)
 
@@ -118,10 +148,20 @@ def place(
     speed: float = SPEED,
 ) -> Script:
     """Carry to above a goal, lower, let go, retreat upwards."""
-    yield from move(arms, {side: goal.moved(z=above)}, speed=speed, tolerance=NEAR)
+    yield from move(
+        arms,
+        {side: goal.moved(z=above)},
+        speed=speed,
+        tolerance=NEAR,
+    )
     yield from move(arms, {side: goal}, speed=CAREFUL)
     yield from release(arms, side)
-    yield from move(arms, {side: goal.moved(z=retreat)}, speed=speed, arrive=False)
+    yield from move(
+        arms,
+        {side: goal.moved(z=retreat)},
+        speed=speed,
+        arrive=False,
+    )
 
 
 def carry(

@@ -45,7 +45,12 @@ CAMERA_YAW = math.radians(45)
 the other arm: well off the last joint's stop, and not far from how the bar was received."""
 
 
-def tool(position: ArrayLike, *, along: ArrayLike, camera: ArrayLike) -> SE3:
+def tool(
+    position: ArrayLike,
+    *,
+    along: ArrayLike,
+    camera: ArrayLike,
+) -> SE3:
     """Tool pose at a position in the table frame that points `along`.
 
     Args:
@@ -62,7 +67,11 @@ def tool(position: ArrayLike, *, along: ArrayLike, camera: ArrayLike) -> SE3:
     return SE3(np.column_stack([x, np.cross(z, x), z]), np.asarray(position))
 
 
-def hanging(arms: Arms, side: Side, body: str) -> SE3:
+def hanging(
+    arms: Arms,
+    side: Side,
+    body: str,
+) -> SE3:
     """Pose of a bar that is held lengthwise, turned as little as possible so that it hangs down.
 
     Its position is the one that it has now.
@@ -80,7 +89,12 @@ def hanging(arms: Arms, side: Side, body: str) -> SE3:
     return SE3(product(upright.rotation, pose.rotation), pose.translation)
 
 
-def turn_to_camera(arms: Arms, side: Side, body: str, pose: SE3) -> float:
+def turn_to_camera(
+    arms: Arms,
+    side: Side,
+    body: str,
+    pose: SE3,
+) -> float:
     """Turn about the vertical, in radians, that brings the camera to `CAMERA_YAW`.
 
     Args:
@@ -128,18 +142,40 @@ def pick_bar(arms: Arms, bar: Bar) -> Script:
         x, y, _ = pose.translation + bar.grip * np.array(
             [math.cos(yaw), math.sin(yaw), 0.0]
         )
-        grasp = down(x, y, bar.height, yaw=yaw, tilt=bar.tilt)
-        yield from pick(arms, giver, grasp, lift=0, freedom=bar.freedom)
+        grasp = down(
+            x,
+            y,
+            bar.height,
+            yaw=yaw,
+            tilt=bar.tilt,
+        )
+        yield from pick(
+            arms,
+            giver,
+            grasp,
+            lift=0,
+            freedom=bar.freedom,
+        )
         excess = max(0.0, -giver.sign * yaw - _MOST_INWARDS)
         turned = (
             SE3.about((0, 0, 1), giver.sign * excess).rotation
             @ arms.targets[giver].rotation
         )
         lifted = SE3(turned, arms.targets[giver].translation).moved(z=_LIFT)
-        yield from move(arms, {giver: lifted}, speed=0.3, arrive=False)
+        yield from move(
+            arms,
+            {giver: lifted},
+            speed=0.3,
+            arrive=False,
+        )
 
 
-def present(bar: Bar, centre: ArrayLike, rise: float, lean: float = 0.0) -> SE3:
+def present(
+    bar: Bar,
+    centre: ArrayLike,
+    rise: float,
+    lean: float = 0.0,
+) -> SE3:
     """Tool pose at which the giver holds the bar's centre at a position, its free end across.
 
     Args:
@@ -156,7 +192,12 @@ def present(bar: Bar, centre: ArrayLike, rise: float, lean: float = 0.0) -> SE3:
     return upright @ SE3.about((0, 1, 0), bar.tilt)
 
 
-def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
+def receive_pose(
+    arms: Arms,
+    bar: Bar,
+    grip_at: float,
+    slant: float,
+) -> SE3:
     """Tool pose at which the receiver clasps the free end, from where the bar really is.
 
     Args:
@@ -177,7 +218,11 @@ def receive_pose(arms: Arms, bar: Bar, grip_at: float, slant: float) -> SE3:
     return tool(position, along=along, camera=camera)
 
 
-def clasp(arms: Arms, side: Side, pose: SE3) -> Script:
+def clasp(
+    arms: Arms,
+    side: Side,
+    pose: SE3,
+) -> Script:
     """Come along the tool's axis, fingers open, and close them."""
     yield from release(arms, side)
     yield from move(arms, {side: pose @ SE3.at(z=-_ALONG)}, tolerance=NEAR)
@@ -190,4 +235,9 @@ def let_go(arms: Arms, side: Side) -> Script:
     """Open the fingers and retreat along the tool's axis."""
     yield from release(arms, side)
     back = arms.targets[side] @ SE3.at(z=-_ALONG)
-    yield from move(arms, {side: back}, speed=0.35, arrive=False)
+    yield from move(
+        arms,
+        {side: back},
+        speed=0.35,
+        arrive=False,
+    )

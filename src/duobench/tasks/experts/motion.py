@@ -120,7 +120,14 @@ def freedom_at(speed: float) -> float:
     return min(1.0, (speed / SPEED) ** 2)
 
 
-def down(x: float, y: float, z: float, *, yaw: float = 0.0, tilt: float = 0.0) -> SE3:
+def down(
+    x: float,
+    y: float,
+    z: float,
+    *,
+    yaw: float = 0.0,
+    tilt: float = 0.0,
+) -> SE3:
     """Tool pose that points down: fingers open along y at yaw 0, camera in front.
 
     Args:
@@ -139,7 +146,11 @@ def down(x: float, y: float, z: float, *, yaw: float = 0.0, tilt: float = 0.0) -
     return SE3(turn.rotation, np.array([x, y, z]))
 
 
-def nearest_turn(yaw: float, period: float, around: float = 0.0) -> float:
+def nearest_turn(
+    yaw: float,
+    period: float,
+    around: float = 0.0,
+) -> float:
     """The angle equal to `yaw` modulo `period` (radians) that is nearest to `around`."""
     return around + (yaw - around + period / 2) % period - period / 2
 
@@ -247,7 +258,11 @@ def line_to(
     )
 
 
-def arrived(arms: Arms, goals: Mapping[Side, SE3], tolerance: float = ARRIVED) -> bool:
+def arrived(
+    arms: Arms,
+    goals: Mapping[Side, SE3],
+    tolerance: float = ARRIVED,
+) -> bool:
     """Whether the tools are at their goals."""
     errors = [arms.tcp_pose(side).distance(goal) for side, goal in goals.items()]
     return all(
@@ -255,7 +270,11 @@ def arrived(arms: Arms, goals: Mapping[Side, SE3], tolerance: float = ARRIVED) -
     )
 
 
-def grip(arms: Arms, *sides: Side, opening: float = CLOSED) -> Script:
+def grip(
+    arms: Arms,
+    *sides: Side,
+    opening: float = CLOSED,
+) -> Script:
     """Bring grippers to an opening and wait until their fingers have come to rest."""
     for side in sides:
         arms.openings[side.index] = opening
@@ -269,6 +288,10 @@ def grip(arms: Arms, *sides: Side, opening: float = CLOSED) -> Script:
         last = now
 
 
-def release(arms: Arms, *sides: Side, opening: float = OPEN) -> Script:
+def release(
+    arms: Arms,
+    *sides: Side,
+    opening: float = OPEN,
+) -> Script:
     """Open grippers and wait until they are open."""
     yield from grip(arms, *sides, opening=opening)

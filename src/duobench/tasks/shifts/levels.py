@@ -54,7 +54,11 @@ LOWERED: Mapping[str, Mapping[str, int]] = {
 higher levels are as that one."""
 
 
-def level_for(shift: Shift, axis: str, task_id: str) -> int:
+def level_for(
+    shift: Shift,
+    axis: str,
+    task_id: str,
+) -> int:
     """Whose bounds an episode of a task has along an axis, 0 to 5."""
     level = shift.level_of(axis)
     return min(level, LOWERED.get(axis, {}).get(task_id, level))

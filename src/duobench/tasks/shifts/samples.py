@@ -61,7 +61,11 @@ class EpisodeKey:
         return shift_generator(self.task, self.seed, axis, self.split)
 
 
-def shifted_look(shift: Shift, key: EpisodeKey, usual: Look) -> Look:
+def shifted_look(
+    shift: Shift,
+    key: EpisodeKey,
+    usual: Look,
+) -> Look:
     """How images of an episode look: light, colours, textures, background, cameras, noise."""
     look = usual
     level = level_for(shift, LOOK, key.task)
@@ -80,7 +84,11 @@ def shifted_look(shift: Shift, key: EpisodeKey, usual: Look) -> Look:
     return look
 
 
-def _other_look(level: int, rng: np.random.Generator, usual: Look) -> Look:
+def _other_look(
+    level: int,
+    rng: np.random.Generator,
+    usual: Look,
+) -> Look:
     """A random look, of which each level has one thing more."""
     other = random_look(int(rng.integers(2**32)))
     parts = {
@@ -128,7 +136,11 @@ def physics_scale(shift: Shift, key: EpisodeKey) -> PhysicsScale:
     )
 
 
-def kept_paraphrase(shift: Shift, key: EpisodeKey, count: int) -> int | None:
+def kept_paraphrase(
+    shift: Shift,
+    key: EpisodeKey,
+    count: int,
+) -> int | None:
     """Which of a task's kept paraphrases an episode has; None for the usual instruction."""
     level = level_for(shift, INSTRUCTION, key.task)
     rng = key.generator(INSTRUCTION)

@@ -35,7 +35,11 @@ LANDING_DEPTH = 0.001
 """How far below the top of its support the lowest point of an object on it may seem to be."""
 
 
-def brought_together(one: str, other: str, there: Mapping[str, Predicate]) -> Predicate:
+def brought_together(
+    one: str,
+    other: str,
+    there: Mapping[str, Predicate],
+) -> Predicate:
     """Each gripper has one of two objects, both brought to a place within `TOGETHER_SECONDS`.
 
     A gripper has grasped it since before it was there, and has not let go in between. One that was
@@ -60,7 +64,12 @@ def brought_together(one: str, other: str, there: Mapping[str, Predicate]) -> Pr
     return all_of(grasped_apart(one, other), brought(one, other), brought(other, one))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Carriage:
     """Predicates about an object that both arms carry by its handles; made by `carriage`."""
 

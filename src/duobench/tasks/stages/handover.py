@@ -32,7 +32,12 @@ from duobench.world.scene.naming import TABLE
 BySide = Mapping[Side, Predicate]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Handover:
     """Predicates about one object on its way from arm to arm; made by `handover`."""
 
@@ -89,7 +94,11 @@ class Handover:
         ).called(f"{side} has received {self.prop} and put it down")
 
 
-def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
+def handover(
+    prop: str,
+    *supports: str,
+    way: Passage | None = None,
+) -> Handover:
     """The predicates for an object.
 
     Without a way, the giver is the arm that has picked the object up: the first to hold it alone

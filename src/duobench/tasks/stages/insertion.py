@@ -72,7 +72,11 @@ def led_in(
     return near & (height >= -MAX_DEPTH) & (height <= -depth) & (aside <= offset)
 
 
-def tip_in(simulation: Questions, peg: Port, socket: Port) -> tuple[float, float]:
+def tip_in(
+    simulation: Questions,
+    peg: Port,
+    socket: Port,
+) -> tuple[float, float]:
     """How far a peg's tip is outside the mouth of a socket, and beside its axis, in metres."""
     outwards = socket.axis(simulation)
     ends = zip(peg.position(simulation), socket.position(simulation), strict=True)
@@ -82,20 +86,33 @@ def tip_in(simulation: Questions, peg: Port, socket: Port) -> tuple[float, float
     return height, root(sum_of_products(beside, beside))
 
 
-def tip_off(simulation: Questions, peg: Port, socket: Port, depth: float) -> float:
+def tip_off(
+    simulation: Questions,
+    peg: Port,
+    socket: Port,
+    depth: float,
+) -> float:
     """How far a peg's tip is from where it is to be in a socket, in usual ways."""
     height, aside = tip_in(simulation, peg, socket)
     return hypot(height + depth, aside) / USUAL_WAY
 
 
-def tip_in_words(simulation: Questions, peg: Port, socket: Port) -> str:
+def tip_in_words(
+    simulation: Questions,
+    peg: Port,
+    socket: Port,
+) -> str:
     """The same as a sentence."""
     height, aside = tip_in(simulation, peg, socket)
     where = f"{mm(height)} outside" if height > 0 else f"{mm(-height)} inside"
     return f"peg of {peg.body} is {where} a socket of {socket.body} and {mm(aside)} beside its axis"
 
 
-def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
+def inserted(
+    peg: Port,
+    socket: Port,
+    depth: float,
+) -> Predicate:
     """The peg is in the socket: aligned, and its tip on the axis, deep enough and not beyond.
 
     The axes differ by at most 10 degrees, the tip is at most 4 mm beside the axis and less than

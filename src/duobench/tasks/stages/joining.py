@@ -30,7 +30,11 @@ LOST_SECONDS = 0.2
 contact for a control step or two when peg and socket meet."""
 
 
-def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
+def engaged(
+    peg: Port,
+    socket: Port,
+    depth: float = 0.0,
+) -> Predicate:
     """The peg's tip is inside the socket, or so little above it, however it is turned there.
 
     Args:
@@ -47,7 +51,12 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Joining:
     """Predicates about a peg and the body with its sockets; made by `joining`."""
 

@@ -31,7 +31,12 @@ Words = tuple[str, ...]
 """Statements, one constraint each."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Memory:
     """Memory of a `since`."""
 
@@ -43,7 +48,12 @@ class Memory:
     """Predicate that holds wherever one of both does, if known: where not, neither is asked."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Clock:
     """Counter of the control steps at which a predicate holds."""
 
@@ -294,7 +304,13 @@ class AnyOf(Predicate):
                 yield part
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+    repr=False,
+)
 class Since(Predicate):
     """A predicate that held at an earlier step of the episode."""
 
@@ -420,7 +436,13 @@ def kept(
     return Kept(bits=tuple(map(bit, range(int(most / unit).bit_length()))), unit=unit)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+    repr=False,
+)
 class HeldFor(Predicate):
     """A predicate that has held for some time."""
 

@@ -31,7 +31,12 @@ class Hole:
     """How far from the centre the hole's edge is, in metres: beyond it, the way leads around."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Passage:
     """Predicates about an object and a hole; made by `passage`."""
 
@@ -43,7 +48,13 @@ class Passage:
     """Its middle is in the hole, less than half its length from the plane."""
 
 
-def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage:
+def passage(
+    prop: str,
+    hole: Hole,
+    *,
+    length: float,
+    held: Predicate,
+) -> Passage:
     """The predicates for an object that starts on the near side (negative y) of a hole.
 
     Args:

@@ -41,7 +41,12 @@ REST_SECONDS = 0.5
 
 
 @shared
-def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Predicate:
+def low_over(
+    prop: str,
+    body: str,
+    top: float,
+    height: float = PUT_HEIGHT,
+) -> Predicate:
     """Its lowest point is at most `height` metres above the top of a body.
 
     Args:
@@ -76,7 +81,11 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
 
 
 @shared
-def lifted_off(prop: str, body: str, top: float) -> Predicate:
+def lifted_off(
+    prop: str,
+    body: str,
+    top: float,
+) -> Predicate:
     """It is in the air again: its lowest point is more than 10 mm above the top of a body.
 
     Args:

@@ -29,7 +29,12 @@ TILT_TO_POUR_DEGREES = 45.0
 """From which tilt on a vessel is poured from: what is in it then does not lie in it."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Pouring:
     """Predicates about things that are poured into a vessel; made by `pouring`."""
 
@@ -59,7 +64,12 @@ def pouring(
         held: How the vessel must be held when things are poured.
     """
     radius, floor, rim = room
-    hollow = CylinderRegion(body=vessel, radius=radius, low=floor, high=rim)
+    hollow = CylinderRegion(
+        body=vessel,
+        radius=radius,
+        low=floor,
+        high=rim,
+    )
     lower = replace(hollow, high=(floor + rim) / 2)
     things = tuple(things)
     within = [inside(thing, hollow) for thing in things]

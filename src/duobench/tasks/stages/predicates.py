@@ -50,7 +50,11 @@ def interrupted(predicate: Predicate) -> Predicate:
     return held_for(~predicate, FLICKER_SECONDS).called(f"no longer: {predicate.name}")
 
 
-def check_metres(what: str, *lengths: object, endless: bool = False) -> None:
+def check_metres(
+    what: str,
+    *lengths: object,
+    endless: bool = False,
+) -> None:
     """Reject what is too long to be a length in metres."""
     check_unit(what, "metres", LONGEST, *lengths, endless=endless)
 
@@ -124,7 +128,11 @@ def supports(arm: Side, lid: str) -> Predicate:
 
 
 @shared
-def backs(arm: Side, lid: str, distance: float) -> Predicate:
+def backs(
+    arm: Side,
+    lid: str,
+    distance: float,
+) -> Predicate:
     """That gripper is where a lid or a door would turn onto it if it were let go.
 
     It is at most `distance` metres away, on the side from which it would push it open, inside the
@@ -203,7 +211,11 @@ def raised(prop: str, height: float) -> Predicate:
 
 
 @shared
-def lifted(arm: Side, prop: str, *supports: str) -> Predicate:
+def lifted(
+    arm: Side,
+    prop: str,
+    *supports: str,
+) -> Predicate:
     """Grasped by that arm, off table and supports, and raised by at least 10 mm.
 
     Args:
@@ -335,7 +347,11 @@ class CylinderRegion:
 Region = BoxRegion | CylinderRegion
 
 
-def _beyond(low: float, value: float, high: float) -> float:
+def _beyond(
+    low: float,
+    value: float,
+    high: float,
+) -> float:
     """How far a number is outside a range; 0 inside."""
     return np.maximum(np.maximum(low - value, value - high), 0.0)
 
@@ -388,7 +404,13 @@ def hinge_open(hinge: str, angle: float) -> Predicate:
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+    repr=False,
+)
 class VariantIs(Predicate):
     """A named choice of the layout."""
 
@@ -414,7 +436,13 @@ def variant(name: str, value: str) -> Predicate:
     )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+    repr=False,
+)
 class AtLeast(Predicate):
     """Some of its parts hold."""
 

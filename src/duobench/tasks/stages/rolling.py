@@ -43,7 +43,12 @@ PLACE_UNIT = 0.001
 """How exactly it is known where that was, in metres."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Rolling:
     """Predicates about a ball on its way; made by `rolling`."""
 
@@ -57,7 +62,11 @@ class Rolling:
     """It has rolled from the start to the goal and stayed there, and the board is lifted."""
 
 
-def inside_chosen(prop: str, choice: str, regions: Mapping[str, Region]) -> Predicate:
+def inside_chosen(
+    prop: str,
+    choice: str,
+    regions: Mapping[str, Region],
+) -> Predicate:
     """Its centre lies in the region that belongs to what the layout chose.
 
     Args:
@@ -122,7 +131,13 @@ def rolling(
     ) -> Predicate:
         """The ball is far from where it was, in whole units, when something last held."""
         places = [
-            kept(f"place of {ball}", way, when=when, unit=unit, most=side)
+            kept(
+                f"place of {ball}",
+                way,
+                when=when,
+                unit=unit,
+                most=side,
+            )
             for way in ways
         ]
         bits = tuple(bit for place in places for bit in place.bits)
@@ -169,6 +184,11 @@ def rolling(
     )
 
 
-def _from_corner(ball: str, room: BoxRegion, axis: int, state: StateView) -> float:
+def _from_corner(
+    ball: str,
+    room: BoxRegion,
+    axis: int,
+    state: StateView,
+) -> float:
     """How far along an axis the ball is from the lowest corner of the room, in metres."""
     return state.relative_position(ball, room.body)[axis] - room.low[axis]

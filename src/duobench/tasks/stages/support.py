@@ -62,7 +62,12 @@ ANGLE_UNIT = 0.025
 """How exactly it is known at which angle an arm held the lid, in radians."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Support:
     """Predicates about an object and a lid; made by `support`."""
 
@@ -209,7 +214,12 @@ def support(
     )
 
 
-def _near(holder: Side, lid: str, held_at: Kept, backing: float) -> Predicate:
+def _near(
+    holder: Side,
+    lid: str,
+    held_at: Kept,
+    backing: float,
+) -> Predicate:
     """The hand is nearly where it held the lid, which may have been pushed further open."""
 
     def test(state: StateView) -> bool:

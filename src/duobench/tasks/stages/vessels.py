@@ -59,4 +59,9 @@ class Vessel:
         return received.called(f"{prop} was put into {self.body}")
 
     def _region(self, high: float) -> CylinderRegion:
-        return CylinderRegion(body=self.body, radius=self.radius, low=0.0, high=high)
+        return CylinderRegion(
+            body=self.body,
+            radius=self.radius,
+            low=0.0,
+            high=high,
+        )

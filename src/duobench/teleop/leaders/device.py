@@ -109,7 +109,12 @@ class LeaderDevice:
             return "Move a leader to begin."
         return None
 
-    def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:  # noqa: ARG002
+    def intend(
+        self,
+        now_s: float,
+        state: DuoState,  # noqa: ARG002 - the protocol's signature
+        command: DuoCommand,
+    ) -> Intent:
         """The leaders' joints; where they do not answer, the robot stays."""
         sample = self._read(now_s)
         if sample is None:

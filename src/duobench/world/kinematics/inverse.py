@@ -63,7 +63,11 @@ _NO_ROWS = np.zeros((0, ARM_JOINTS))
 """No limits but bounds of the joints themselves."""
 
 
-def within_reach(side: Side, tool: SE3, reach: float = REACH) -> SE3:
+def within_reach(
+    side: Side,
+    tool: SE3,
+    reach: float = REACH,
+) -> SE3:
     """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
     shoulder = SHOULDERS[side]
     away = (tool @ _TCP_FROM_WRIST).translation - shoulder
@@ -238,5 +242,10 @@ class Kinematics:
             errors = [max(poses[side].distance(pose)) for side, pose in targets.items()]
             if max(errors, default=0.0) < tolerance:
                 return current, True
-            current = self.step(current, targets, dt=1.0, posture=current)
+            current = self.step(
+                current,
+                targets,
+                dt=1.0,
+                posture=current,
+            )
         return current, False

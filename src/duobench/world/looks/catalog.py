@@ -52,7 +52,12 @@ LOOKS: Mapping[str, Look] = {
     DEFAULT: Look(),
     "bright": Look(
         lights=(
-            Light(position=_KEY, colour=(0.50, 0.50, 0.50), highlight=0.3, shadow=True),
+            Light(
+                position=_KEY,
+                colour=(0.50, 0.50, 0.50),
+                highlight=0.3,
+                shadow=True,
+            ),
             Light(position=_WINDOW, colour=(0.25, 0.25, 0.26)),
         ),
         ambient=(0.52, 0.52, 0.52),
@@ -185,7 +190,11 @@ def random_look(seed: int) -> Look:
     )
 
 
-def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
+def _uniform(
+    rng: np.random.Generator,
+    low: float,
+    high: float,
+) -> float:
     return float(rng.uniform(low, high))
 
 

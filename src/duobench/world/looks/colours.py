@@ -41,7 +41,11 @@ def colour_name(rgb: Sequence[float]) -> str:
     return shade + next(name for end, name in _HUES if hue < end)
 
 
-def shifted(rgb: RGB, amount: float, seed: int) -> RGB:
+def shifted(
+    rgb: RGB,
+    amount: float,
+    seed: int,
+) -> RGB:
     """A colour nearby that has the same name; the same seed, the same shift of the same colour.
 
     The amount is a share of the largest shifts, 0 to 1.

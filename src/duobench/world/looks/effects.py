@@ -77,14 +77,23 @@ def _curve(stops: float) -> Image:
 
 
 @lru_cache(maxsize=4)
-def _noise(seed: int, deviation: float, count: int) -> NDArray[np.int16]:
+def _noise(
+    seed: int,
+    deviation: float,
+    count: int,
+) -> NDArray[np.int16]:
     """A row of Gaussian noise: images take a part of it, since sampling is slow."""
     rng = np.random.Generator(np.random.PCG64([seed, *b"noise"]))
     normal = rng.standard_normal(count, dtype=np.float32)
     return np.rint(255 * deviation * normal).astype(np.int16)
 
 
-def _start(seed: int, time: float, positions: Array, camera: int) -> int:
+def _start(
+    seed: int,
+    time: float,
+    positions: Array,
+    camera: int,
+) -> int:
     state = hashlib.blake2b(positions.tobytes(), digest_size=8)
     state.update(f"{seed} {time!r} {camera}".encode())
     return int.from_bytes(state.digest(), "big") % _STARTS

@@ -197,6 +197,11 @@ def _check_colour(name: str, colour: RGB | None) -> None:
     raise OptionError(f"{name} is red, green and blue from 0 to 1, got {colour}.")
 
 
-def _check_range(name: str, value: float, low: float, high: float) -> None:
+def _check_range(
+    name: str,
+    value: float,
+    low: float,
+    high: float,
+) -> None:
     if not low <= value <= high:
         raise OptionError(f"{name} is {low:g} to {high:g}, got {value!r}.")

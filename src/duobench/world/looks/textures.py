@@ -52,7 +52,12 @@ class _Canvas:
         self.x = ((np.arange(width, dtype=np.float32) + 0.5) / width * size[1])[None, :]
         """Metres from the first column, (1, width)."""
 
-    def random(self, low: float, high: float, shape: int | tuple[int, int]) -> Pattern:
+    def random(
+        self,
+        low: float,
+        high: float,
+        shape: int | tuple[int, int],
+    ) -> Pattern:
         """Uniform random numbers."""
         return self.rng.uniform(low, high, shape).astype(np.float32)
 

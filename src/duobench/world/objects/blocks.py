@@ -22,7 +22,12 @@ LONG_BLOCK = 0.096
 definitions]."""
 
 
-def block(x: float, y: float, z: float, rgba: Colour) -> Solid:
+def block(
+    x: float,
+    y: float,
+    z: float,
+    rgba: Colour,
+) -> Solid:
     """A block with edges x, y, z in metres and a colour; its frame is at its centre."""
     return Solid(shapes=(box(x, y, z),), rgba=rgba)
 

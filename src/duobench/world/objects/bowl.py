@@ -50,7 +50,11 @@ def bowl(rgba: Colour, rim: Colour | None = None) -> Solid:
     )
 
 
-def _images(exact: manifold3d.Manifold, rgba: Colour, rim: Colour) -> tuple[Image, ...]:
+def _images(
+    exact: manifold3d.Manifold,
+    rgba: Colour,
+    rim: Colour,
+) -> tuple[Image, ...]:
     """The bowl below its rim, and the rim."""
     above, below = exact.split_by_plane((0.0, 0.0, 1.0), RIM_HEIGHT - RIM)
     return Image(mesh=mesh_of(below), rgba=rgba), Image(mesh=mesh_of(above), rgba=rim)

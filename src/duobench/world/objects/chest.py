@@ -71,7 +71,12 @@ LID_UNDERSIDE = -BARREL_RADIUS
 """Underside of the lid in its own frame, in metres."""
 
 
-def chest(name: str, *, body: Colour, lid: Colour) -> Prop:
+def chest(
+    name: str,
+    *,
+    body: Colour,
+    lid: Colour,
+) -> Prop:
     """A chest that stands where its layout puts it, with its lid as part `lid`."""
     hinge = Hinge(axis=(0.0, 1.0, 0.0), limits=LID_LIMITS, damping=LID_DAMPING)
     return Prop(

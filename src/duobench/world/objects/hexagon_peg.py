@@ -58,9 +58,19 @@ class PolygonHole:
 HEXAGON = PolygonHole(
     corners=6, apothem=ACROSS_FLATS / 2 + CLEARANCE, x=-CELL[0], phase=0.0
 )
-SQUARE = PolygonHole(corners=4, apothem=0.017, x=0.0, phase=math.pi / 4)
+SQUARE = PolygonHole(
+    corners=4,
+    apothem=0.017,
+    x=0.0,
+    phase=math.pi / 4,
+)
 """34 mm wide; the peg needs 37.9 mm, however it is turned."""
-TRIANGLE = PolygonHole(corners=3, apothem=0.012, x=CELL[0], phase=math.pi / 2)
+TRIANGLE = PolygonHole(
+    corners=3,
+    apothem=0.012,
+    x=CELL[0],
+    phase=math.pi / 2,
+)
 """Its largest circle is 24 mm wide; the peg's is 34 mm."""
 HOLES = (HEXAGON, SQUARE, TRIANGLE)
 

@@ -267,7 +267,13 @@ def _rim() -> Iterable[Shape]:
     height = BASE + WALL_HEIGHT
     for turn in _quarter_turns():
         side = turn @ SE3.at(x=(EDGE - width) / 2, z=WALL_HEIGHT - height / 2)
-        yield box(width, EDGE, height, at=side, rgba=RIM_COLOUR)
+        yield box(
+            width,
+            EDGE,
+            height,
+            at=side,
+            rgba=RIM_COLOUR,
+        )
 
 
 def _grips() -> Iterable[Shape]:
@@ -280,10 +286,22 @@ def _grip(turn: SE3, inner: float) -> Iterable[Shape]:
     """A bar with two stays that begin at a distance from the board's middle."""
     x, y, z = BAR
     bar = SE3.at(x=GRIP_OFFSET, z=GRIP_Z)
-    yield box(x, y + 2 * STAY, z, at=turn @ bar, rgba=_GRIP_COLOUR)
+    yield box(
+        x,
+        y + 2 * STAY,
+        z,
+        at=turn @ bar,
+        rgba=_GRIP_COLOUR,
+    )
     for side in _stays():
         stay = SE3.at((inner + GRIP_OFFSET) / 2, side, GRIP_Z)
-        yield box(GRIP_OFFSET - inner, STAY, z, at=turn @ stay, rgba=_GRIP_COLOUR)
+        yield box(
+            GRIP_OFFSET - inner,
+            STAY,
+            z,
+            at=turn @ stay,
+            rgba=_GRIP_COLOUR,
+        )
 
 
 def _stays() -> tuple[float, float]:
@@ -311,7 +329,12 @@ def _wall(segment: Segment, root: float = ROOT) -> Shape:
     centre = (x, y + PITCH / 2) if segment.along_x else (x + PITCH / 2, y)
     size = (along, across) if segment.along_x else (across, along)
     middle = SE3.at(*centre, (WALL_HEIGHT - root) / 2)
-    return box(*size, WALL_HEIGHT + root, at=middle, rgba=WALL_COLOUR)
+    return box(
+        *size,
+        WALL_HEIGHT + root,
+        at=middle,
+        rgba=WALL_COLOUR,
+    )
 
 
 def _walls(maze: Maze, root: float = ROOT) -> tuple[Shape, ...]:

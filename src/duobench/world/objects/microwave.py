@@ -72,7 +72,14 @@ def microwave(name: str) -> Prop:
     return Prop(
         name=name,
         solid=_oven,
-        parts=(Part(name="door", solid=_door, pose=SE3.at(*HINGE), hinge=hinge),),
+        parts=(
+            Part(
+                name="door",
+                solid=_door,
+                pose=SE3.at(*HINGE),
+                hinge=hinge,
+            ),
+        ),
         fixed=True,
     )
 
@@ -117,8 +124,19 @@ def _door() -> Solid:
     arm = (BAR_STANDOFF, 2 * BAR_RADIUS, 2 * BAR_RADIUS)
     shapes = (
         box(thickness, width, height, at=middle),
-        box(thickness + _RELIEF, width - 0.10, height - 0.08, at=middle, rgba=_WINDOW),
-        cylinder(BAR_RADIUS, BAR_LENGTH, at=SE3.at(bar_x, bar_y, 0), rgba=_STEEL),
+        box(
+            thickness + _RELIEF,
+            width - 0.10,
+            height - 0.08,
+            at=middle,
+            rgba=_WINDOW,
+        ),
+        cylinder(
+            BAR_RADIUS,
+            BAR_LENGTH,
+            at=SE3.at(bar_x, bar_y, 0),
+            rgba=_STEEL,
+        ),
         *(box(*arm, at=SE3.at(arm_x, bar_y, z), rgba=_STEEL) for z in (-arm_z, arm_z)),
     )
     return Solid(

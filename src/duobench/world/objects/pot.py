@@ -114,7 +114,12 @@ def stove_plate() -> Solid:
     return Solid(
         shapes=(
             box(x, y, z, at=SE3.at(z=z / 2)),
-            cylinder(radius, height, at=SE3.at(z=z + height / 2), rgba=_BURNER_COLOUR),
+            cylinder(
+                radius,
+                height,
+                at=SE3.at(z=z + height / 2),
+                rgba=_BURNER_COLOUR,
+            ),
         ),
         rgba=_PLATE_COLOUR,
     )

@@ -138,7 +138,12 @@ def box(
         at: Pose of its centre in the solid's frame; the identity by default.
         rgba: Colour, where it differs from the solid's.
     """
-    return Shape(kind=ShapeKind.BOX, size=(x, y, z), pose=at or SE3(), rgba=rgba)
+    return Shape(
+        kind=ShapeKind.BOX,
+        size=(x, y, z),
+        pose=at or SE3(),
+        rgba=rgba,
+    )
 
 
 def ring_wall(
@@ -187,7 +192,12 @@ def sphere(
         at: Pose of its centre in the solid's frame; the identity by default.
         rgba: Colour, where it differs from the solid's.
     """
-    return Shape(kind=ShapeKind.SPHERE, size=(radius,), pose=at or SE3(), rgba=rgba)
+    return Shape(
+        kind=ShapeKind.SPHERE,
+        size=(radius,),
+        pose=at or SE3(),
+        rgba=rgba,
+    )
 
 
 def hull(
@@ -204,7 +214,12 @@ def hull(
         rgba: Colour, where it differs from the solid's.
     """
     rows = tuple((float(p[0]), float(p[1]), float(p[2])) for p in points)
-    return Shape(kind=ShapeKind.HULL, points=rows, pose=at or SE3(), rgba=rgba)
+    return Shape(
+        kind=ShapeKind.HULL,
+        points=rows,
+        pose=at or SE3(),
+        rgba=rgba,
+    )
 
 
 def prism(

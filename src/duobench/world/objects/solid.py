@@ -47,7 +47,12 @@ class Mesh:
         self.faces.setflags(write=False)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Image:
     """A part of what is rendered, in one colour."""
 
@@ -78,7 +83,12 @@ class Piece:
     it is printed once for all of them."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Solid:
     """One rigid body's description, in its own frame."""
 
@@ -108,7 +118,12 @@ class Solid:
         check_several("`shapes` of a Solid", self.shapes, Shape)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class MassProperties:
     """Mass, centre and inertia of a solid in its own frame."""
 

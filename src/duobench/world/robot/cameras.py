@@ -71,7 +71,11 @@ OVERVIEW_VIEW = View(eye=(2.35, -1.35, 1.42), target=(0.34, -0.03, 0.17), fovy_d
 `Task.overview`."""
 
 
-def looking(eye: np.ndarray, direction: np.ndarray, up: np.ndarray) -> SE3:
+def looking(
+    eye: np.ndarray,
+    direction: np.ndarray,
+    up: np.ndarray,
+) -> SE3:
     """Pose of a MuJoCo camera (x right, y up, looking along -z) in the frame of the arguments.
 
     The direction (3,) has any length; `up` (3,) is what shall point upwards in the image.
@@ -87,7 +91,12 @@ def wrist_name(side: Side) -> str:
     return f"{side}_wrist"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Camera:
     """A camera of the robot, without distortion."""
 

@@ -11,7 +11,12 @@ from dataclasses import dataclass
 from duobench.core.spatial import SE3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Gripper:
     """A gripper of two fingers; its parts are named within it, as in `left/gripper/left_pad`."""
 

@@ -61,7 +61,12 @@ def duo_limits(
         low[joints], high[joints] = JOINT_RANGES.T + np.array([[margin], [-margin]])
         max_change[joints] = np.multiply(VELOCITY_LIMITS, fraction) / CONTROL_HZ
     lead = max_change * (lag * CONTROL_HZ)
-    return DuoLimits(low=low, high=high, max_change=max_change, lead=lead)
+    return DuoLimits(
+        low=low,
+        high=high,
+        max_change=max_change,
+        lead=lead,
+    )
 
 
 def check_speed_fraction(fraction: float) -> None:

@@ -58,7 +58,12 @@ def _add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
         (flange_name(side), LINK7_FROM_FLANGE),
         (tcp_name(side), LINK7_FROM_TCP),
     ):
-        bodies[-1].add_site(name=name, pos=pose.translation, size=[0.001] * 3, group=4)
+        bodies[-1].add_site(
+            name=name,
+            pos=pose.translation,
+            size=[0.001] * 3,
+            group=4,
+        )
     return bodies
 
 

@@ -154,7 +154,11 @@ def add_prop(spec: mujoco.MjSpec, prop: Prop) -> None:
             )
 
 
-def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
+def _add_hinge(
+    body: mujoco.MjsBody,
+    name: str,
+    hinge: Hinge,
+) -> None:
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,

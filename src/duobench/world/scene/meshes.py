@@ -56,9 +56,18 @@ def decode(data: bytes) -> Mapping[str, Mesh]:
     return dict(zip(names, map(Mesh, vertices, faces), strict=True))
 
 
-def add_link(parent: mujoco.MjsBody, name: str, link: Link) -> mujoco.MjsBody:
+def add_link(
+    parent: mujoco.MjsBody,
+    name: str,
+    link: Link,
+) -> mujoco.MjsBody:
     """Hang a link on a body, without its meshes; the robot's controller bears its weight."""
-    body = parent.add_body(name=name, pos=link.position, quat=link.wxyz, gravcomp=1.0)
+    body = parent.add_body(
+        name=name,
+        pos=link.position,
+        quat=link.wxyz,
+        gravcomp=1.0,
+    )
     if link.mass is not None:
         body.explicitinertial = True
         body.mass, body.ipos = link.mass, link.centre
@@ -151,7 +160,12 @@ def add_visual_mesh(
     vertices, faces = mesh.vertices, mesh.faces
     normals = corner_normals(vertices, faces, crease)
     keys = np.column_stack([faces.ravel(), np.rint(normals / _SAME)])
-    _, first, corners = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    _, first, corners = np.unique(
+        keys,
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
     spec.add_mesh(
         name=name,
         uservert=vertices[faces.ravel()[first]].ravel(),

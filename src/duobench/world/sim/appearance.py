@@ -72,7 +72,11 @@ def _body(model: mujoco.MjModel, geom: int) -> str:
     return model.body(int(model.geom_bodyid[geom])).name
 
 
-def _geoms_of(model: mujoco.MjModel, part: str, colours: list[RGB]) -> list[int]:
+def _geoms_of(
+    model: mujoco.MjModel,
+    part: str,
+    colours: list[RGB],
+) -> list[int]:
     """The geoms of a part of the workcell."""
     if part in (TABLE, FLOOR):
         return [model.geom(part).id]
@@ -98,7 +102,12 @@ def _hides_colour(material: Material) -> bool:
     return material.image is not None or material.second_colour is not None
 
 
-def _object_colour(colour: RGB, main: RGB, material: Material, look: Look) -> RGB:
+def _object_colour(
+    colour: RGB,
+    main: RGB,
+    material: Material,
+    look: Look,
+) -> RGB:
     """New colour of a geom; a chosen one takes the place of the object's main colour only."""
     if _hides_colour(material):
         return _WHITE
@@ -108,7 +117,11 @@ def _object_colour(colour: RGB, main: RGB, material: Material, look: Look) -> RG
 
 
 @lru_cache(maxsize=32)
-def _part_texture(material: Material, part: str, seed: int) -> Texture:
+def _part_texture(
+    material: Material,
+    part: str,
+    seed: int,
+) -> Texture:
     """The texture of a part of the workcell, with the brightness that floor and walls have."""
     size, count = _SURFACES[part]
     texels = _texture(material, count, size, seed)

@@ -23,7 +23,12 @@ class SimulationBatch(Questions):
         data: The engine's arrays, one row a simulation, under the names of MuJoCo's data.
     """
 
-    def __init__(self, simulation: Simulation, count: int, data: Any) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        count: int,
+        data: Any,
+    ) -> None:
         super().__init__(simulation.props, simulation.model, data)
         self.simulation, self.count = simulation, count
         self.contacts = ContactTable(simulation.model, count)
@@ -151,7 +156,13 @@ class SimulationBatch(Questions):
             self._memo[key] = np.ascontiguousarray(array[:, row].T)
         return self._memo[key]
 
-    def _lowest(self, prop: str, x: Array, y: Array, z: Array) -> Array:
+    def _lowest(
+        self,
+        prop: str,
+        x: Array,
+        y: Array,
+        z: Array,
+    ) -> Array:
         if (prop,) not in self._memo:
             a, b, c = self._corners[prop][:, :, None]
             self._memo[prop,] = (a * x + b * y + c * z).min(axis=0)

@@ -208,7 +208,12 @@ class Contacts(ContactOwners):
         """All owners in contact with one."""
         return frozenset(name for name in self._index if self.between(owner, name))
 
-    def pushes(self, side: Side, owner: str, hinge: Callable[[], HingeAxis]) -> bool:
+    def pushes(
+        self,
+        side: Side,
+        owner: str,
+        hinge: Callable[[], HingeAxis],
+    ) -> bool:
         """Whether a contact of any part of an arm turns an owner towards the open end of its hinge.
 
         The engine's normal tells where a contact pushes, and `MIN_LEVER` what turns nothing.
@@ -225,7 +230,12 @@ class Contacts(ContactOwners):
             for number, sign in self._normals(self._limbs[side], self._index[owner])
         )
 
-    def moment(self, side: Side, owner: str, hinge: HingeAxis) -> float:
+    def moment(
+        self,
+        side: Side,
+        owner: str,
+        hinge: HingeAxis,
+    ) -> float:
         """Moment in N·m of all contacts of an arm with an owner about its hinge; above 0 it opens.
 
         The forces are those with which the next physics step begins. The engine solves for them
@@ -330,7 +340,14 @@ class Contacts(ContactOwners):
             other, row, -x, -y, -z
         )
 
-    def _presses(self, finger: int, row: int, x: float, y: float, z: float) -> bool:
+    def _presses(
+        self,
+        finger: int,
+        row: int,
+        x: float,
+        y: float,
+        z: float,
+    ) -> bool:
         """Whether a contact of a finger with an owner pushes it along a unit vector."""
         pair = self._single[finger] | self._single[row]
         for number, touching in enumerate(self._touching):

@@ -33,7 +33,11 @@ def names_of(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
     return [name for name in names if name]
 
 
-def resolve(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
+def resolve(
+    model: mujoco.MjModel,
+    kind: mujoco.mjtObj,
+    name: str,
+) -> int:
     """Id of a named element."""
     number = mujoco.mj_name2id(model, kind, name)
     if number < 0:

@@ -246,7 +246,12 @@ def _shift_lens(
     lens.frustum_top += y * pixel_y
 
 
-def _shift_light(light: mujoco.MjvLight, size: float, u: float, v: float) -> None:
+def _shift_light(
+    light: mujoco.MjvLight,
+    size: float,
+    u: float,
+    v: float,
+) -> None:
     """Shine from a point of the light, which is round; u and v are in [-1/2, 1/2)."""
     direction = np.array(light.dir, dtype=np.float64)
     across = np.cross(direction, (1.0, 0.0, 0.0))

@@ -219,7 +219,11 @@ def _outcome(call: str, environment: dict[str, str]) -> RenderingInfo | str:
     return words[-1] if words else f"the process ended with status {child.returncode}"
 
 
-def open_context(backend: str, height: int, width: int) -> Any:
+def open_context(
+    backend: str,
+    height: int,
+    width: int,
+) -> Any:
     """Make an OpenGL context and make it current; for child processes only.
 
     Raises:

@@ -71,7 +71,13 @@ class Questions(ABC):
         """The numbers in a row of one of the engine's arrays."""
 
     @abstractmethod
-    def _lowest(self, prop: str, x: Any, y: Any, z: Any) -> Any:
+    def _lowest(
+        self,
+        prop: str,
+        x: Any,
+        y: Any,
+        z: Any,
+    ) -> Any:
         """Height of a prop's lowest corner above its origin; the vertical is in its own frame."""
 
     def body_id(self, name: str) -> int:

@@ -124,7 +124,12 @@ class Renderer:
         check_known("camera", camera, self._cameras)
         return self._cameras[camera]
 
-    def _ask(self, what: str, data: mujoco.MjData, cameras: Any) -> Any:
+    def _ask(
+        self,
+        what: str,
+        data: mujoco.MjData,
+        cameras: Any,
+    ) -> Any:
         """Have the process do something with a state, of the model and in the look as they are."""
         process = self._opened()
         model = self._pictured.of_model()

@@ -107,7 +107,11 @@ class Pictured:
         return data.time, _joined([getattr(data, name) for name in _DATA])
 
     @staticmethod
-    def put_data(data: mujoco.MjData, time: float, content: bytes) -> None:
+    def put_data(
+        data: mujoco.MjData,
+        time: float,
+        content: bytes,
+    ) -> None:
         """Let a state show what another one does."""
         data.time = time
         _spread(content, [getattr(data, name) for name in _DATA])
@@ -323,7 +327,12 @@ class _Served:
         self._scenes: dict[int, tuple[OffscreenRenderer, mujoco.MjData, Pictured]] = {}
         self._current: OffscreenRenderer | None = None
 
-    def answer(self, what: str, arguments: tuple[Any, ...], freed: list[int]) -> Any:
+    def answer(
+        self,
+        what: str,
+        arguments: tuple[Any, ...],
+        freed: list[int],
+    ) -> Any:
         """Result of a method, or an error: whatever is raised here is of rendering."""
         try:
             for number in freed:
@@ -355,7 +364,12 @@ class _Served:
         """Render in a look from now on."""
         self._renderer(number).set_appearance(appearance)
 
-    def set_model(self, number: int, content: bytes, values: list[Any]) -> None:
+    def set_model(
+        self,
+        number: int,
+        content: bytes,
+        values: list[Any],
+    ) -> None:
         """Render what a model shows by now."""
         self._scenes[number][2].put_model(content, values)
 
@@ -367,7 +381,13 @@ class _Served:
         pictured.put_data(data, time, content)
         return self._renderer(number).render(data, cameras)
 
-    def segment(self, number: int, time: float, content: bytes, camera: int) -> Any:
+    def segment(
+        self,
+        number: int,
+        time: float,
+        content: bytes,
+        camera: int,
+    ) -> Any:
         """Ids of geoms of a state; see `OffscreenRenderer`."""
         _, data, pictured = self._scenes[number]
         pictured.put_data(data, time, content)

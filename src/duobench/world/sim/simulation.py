@@ -470,7 +470,13 @@ class Simulation(Questions):
         lowest = middle - (half_x * abs(x) + half_y * abs(y) + half_z * abs(z))
         return lowest if lowest > limit + CLEARLY else None
 
-    def _lowest(self, prop: str, x: float, y: float, z: float) -> float:
+    def _lowest(
+        self,
+        prop: str,
+        x: float,
+        y: float,
+        z: float,
+    ) -> float:
         if prop in self._few:
             return min([a * x + b * y + c * z for a, b, c in self._few[prop]])
         a, b, c = self._corners[prop]

@@ -24,7 +24,12 @@ _BLOCK = 128
 class ThreadBatch(SimulationBatch):
     """Simulations of one task, stepped on some threads of the processor."""
 
-    def __init__(self, simulation: Simulation, count: int, threads: int) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        count: int,
+        threads: int,
+    ) -> None:
         model = simulation.model
         batch = self._batch = Batch(model, count, threads, persistent=True)
         super().__init__(simulation, count, batch)

@@ -61,7 +61,12 @@ class WarpBatch(SimulationBatch):
         room = {"nconmax": CONTACTS, "nccdmax": CONVEX, "njmax": CONSTRAINTS}
         try:
             self._model = self._engine.put_model(model)
-            self._data = self._engine.put_data(model, empty, nworld=count, **room)
+            self._data = self._engine.put_data(
+                model,
+                empty,
+                nworld=count,
+                **room,
+            )
         except (RuntimeError, ValueError) as error:
             raise OptionError(
                 f"MuJoCo Warp cannot step {count} simulations of this model: {error}"

@@ -39,7 +39,15 @@ def run(
     pose = tuple(float(each) for each in nominal_pose(camera).tquat)
     note = "lens from a board; place as in the simulation"
     write_camera(
-        rig, known, camera, replace(found, pose=pose, method=note, views=len(folder))
+        rig,
+        known,
+        camera,
+        replace(
+            found,
+            pose=pose,
+            method=note,
+            views=len(folder),
+        ),
     )
     say(
         f"{camera}: {found.fx:.1f} x {found.fy:.1f} px, middle {found.cx:.1f}, {found.cy:.1f}, "

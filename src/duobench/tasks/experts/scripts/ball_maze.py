@@ -71,7 +71,11 @@ def take_up(arms: Arms, way: Handling = PLAIN) -> Script:
     yield from lift(arms, *SIDES, way=way)
 
 
-def grip_poses(arms: Arms, *sides: Side, way: Handling = PLAIN) -> dict[Side, SE3]:
+def grip_poses(
+    arms: Arms,
+    *sides: Side,
+    way: Handling = PLAIN,
+) -> dict[Side, SE3]:
     """Tool poses around two opposite grips."""
     board = arms.sim.pose("board")
     yaw = nearest_turn(board.yaw, math.pi / 2)
@@ -89,22 +93,39 @@ def grip_poses(arms: Arms, *sides: Side, way: Handling = PLAIN) -> dict[Side, SE
     }
 
 
-def grasp(arms: Arms, *sides: Side, way: Handling = PLAIN) -> Script:
+def grasp(
+    arms: Arms,
+    *sides: Side,
+    way: Handling = PLAIN,
+) -> Script:
     """Close grippers around grips of the board."""
     poses = grip_poses(arms, *sides, way=way)
-    yield from come_down(arms, poses, opening=OPENING, above=_APPROACH)
+    yield from come_down(
+        arms,
+        poses,
+        opening=OPENING,
+        above=_APPROACH,
+    )
     # One after the other: the first grip brings the board into line with its gripper.
     for side in arms.variety.ordered(sides, float(arms.sim.position("board")[1])):
         yield from grip(arms, side)
 
 
-def lift(arms: Arms, *sides: Side, way: Handling = PLAIN) -> Script:
+def lift(
+    arms: Arms,
+    *sides: Side,
+    way: Handling = PLAIN,
+) -> Script:
     """Lift the board, level."""
     high = arms.sim.pose("board").moved(z=way.lift)
     yield from carry(arms, "board", high, *sides, speed=0.2)
 
 
-def solve(arms: Arms, *sides: Side, way: Handling = PLAIN) -> Script:
+def solve(
+    arms: Arms,
+    *sides: Side,
+    way: Handling = PLAIN,
+) -> Script:
     """Tilt the board, run by run, until the ball lies in the goal's cell, and keep it there."""
     board = TiltedBoard(arms, sides, way.tilt)
     stayed = 0

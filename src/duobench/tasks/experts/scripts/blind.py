@@ -45,11 +45,22 @@ def ball_maze(arms: Arms) -> Script:
     poses = grip_poses(arms, *SIDES)
     arms.openings[:] = OPENING
     above = {side: pose.moved(z=ABOVE) for side, pose in poses.items()}
-    yield from move(arms, above, speed=0.8, tolerance=NEAR)
+    yield from move(
+        arms,
+        above,
+        speed=0.8,
+        tolerance=NEAR,
+    )
     yield from move(arms, poses, speed=0.4)
     yield from grip(arms, *SIDES)
     yield from lift(arms, *SIDES)
-    board = TiltedBoard(arms, SIDES, TILT, rate=RATE, ramp=RAMP)
+    board = TiltedBoard(
+        arms,
+        SIDES,
+        TILT,
+        rate=RATE,
+        ramp=RAMP,
+    )
     for tilt, steps in TILTS:
         yield from board.lean(TILT * np.array(tilt.value), steps)
 

@@ -48,7 +48,12 @@ def script(arms: Arms) -> Script:
     )
 
 
-def lower(arms: Arms, *sides: Side, reach: float = _REACH, gap: float = _GAP) -> Script:
+def lower(
+    arms: Arms,
+    *sides: Side,
+    reach: float = _REACH,
+    gap: float = _GAP,
+) -> Script:
     """Carry held blocks over the beam and lower them together; both where no side is given.
 
     Args:
@@ -99,15 +104,32 @@ def lay_beam(
     )
     x, y, _ = arms.sim.position("cube")
     goal = tool_for(arms, side, "beam", SE3.at(x, y, CUBE_EDGE + BEAM[2] / 2 + gap))
-    yield from place(arms, side, goal, above=0.06, retreat=0.15, speed=0.3)
+    yield from place(
+        arms,
+        side,
+        goal,
+        above=0.06,
+        retreat=0.15,
+        speed=0.3,
+    )
 
 
-def take_block(arms: Arms, side: Side, height: float = _BLOCK_GRASP) -> Script:
+def take_block(
+    arms: Arms,
+    side: Side,
+    height: float = _BLOCK_GRASP,
+) -> Script:
     """Pick up the block on an arm's side, with the tool at a height above the block's middle."""
     pose = arms.sim.pose(_block(side))
     x, y, z = pose.translation
     grasp = down(x, y, z + height, yaw=_OUTWARD[side])
-    yield from pick(arms, side, grasp, above=0.12, lift=0.12)
+    yield from pick(
+        arms,
+        side,
+        grasp,
+        above=0.12,
+        lift=0.12,
+    )
 
 
 def _block(side: Side) -> str:

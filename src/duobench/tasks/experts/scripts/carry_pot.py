@@ -87,7 +87,12 @@ def land(arms: Arms, *sides: Side) -> Script:
     yield from wait(3)
 
 
-def _level(arms: Arms, x: float, y: float, height: float) -> SE3:
+def _level(
+    arms: Arms,
+    x: float,
+    y: float,
+    height: float,
+) -> SE3:
     """Pose of the pot level above the plate, turned as it is now."""
     yaw = arms.sim.pose("pot").yaw
     return SE3.at(x, y, PLATE[2] + HEIGHT / 2 + height, yaw=yaw)
@@ -120,9 +125,19 @@ def grasp(
     yield from grip(arms, *sides)
 
 
-def _grasp_pose(pot: SE3, side: Side, hold: HandleGrasp) -> SE3:
+def _grasp_pose(
+    pot: SE3,
+    side: Side,
+    hold: HandleGrasp,
+) -> SE3:
     x, y, z = pot.apply((hold.along, side.sign * HANDLE_OFFSET, HANDLE_Z + hold.height))
-    return down(x, y, z, yaw=pot.yaw + hold.yaw, tilt=hold.tilt)
+    return down(
+        x,
+        y,
+        z,
+        yaw=pot.yaw + hold.yaw,
+        tilt=hold.tilt,
+    )
 
 
 def _handle(side: Side) -> str:

@@ -99,13 +99,28 @@ def insert(arms: Arms, way: Insertion) -> Script:
     yield from together(open_lid(arms, way), bring)
 
 
-def _lifting(chest: SE3, holder: Side, x: float, z: float) -> SE3:
+def _lifting(
+    chest: SE3,
+    holder: Side,
+    x: float,
+    z: float,
+) -> SE3:
     """Tool pose of the rod at (x, z) of the chest's frame, camera towards the table."""
-    rod = down(x, holder.sign * _ROD_Y, z, yaw=-holder.sign * math.pi / 2, tilt=_SLOPE)
+    rod = down(
+        x,
+        holder.sign * _ROD_Y,
+        z,
+        yaw=-holder.sign * math.pi / 2,
+        tilt=_SLOPE,
+    )
     return chest @ rod @ SE3.at(yaw=math.pi)
 
 
-def under_lid(chest: SE3, holder: Side, angle: float) -> SE3:
+def under_lid(
+    chest: SE3,
+    holder: Side,
+    angle: float,
+) -> SE3:
     """Tool pose of the rod against the underside of the lid, open by `angle` radians."""
     reach = LID_LENGTH + _OVER_FRONT - _SLIDE * angle / _OPEN_ANGLE
     lid = SE3.about((0, 1, 0), angle).apply([-reach, 0.0, LID_UNDERSIDE - _ROD_DEPTH])
@@ -147,9 +162,20 @@ def lower(arms: Arms, way: Insertion = PLAIN) -> Script:
     )
 
 
-def over(arms: Arms, y: float, height: float, way: Insertion = PLAIN) -> SE3:
+def over(
+    arms: Arms,
+    y: float,
+    height: float,
+    way: Insertion = PLAIN,
+) -> SE3:
     """Tool pose of the inserting arm, at a place across the table and a height in metres."""
     chest = arms.sim.pose("chest")
     lean = SE3.about((1, 0, 0), -way.side.sign * _LEAN)
-    turn = lean @ down(0.0, 0.0, 0.0, yaw=chest.yaw + way.yaw, tilt=way.tilt)
+    turn = lean @ down(
+        0.0,
+        0.0,
+        0.0,
+        yaw=chest.yaw + way.yaw,
+        tilt=way.tilt,
+    )
     return SE3(turn.rotation, np.array([chest.apply([*way.place, 0.0])[0], y, height]))

@@ -63,20 +63,49 @@ def script(arms: Arms) -> Script:
         yield from _lead(arms, both, speed=speed)
     yield from release(arms, *SIDES)
     away = {side: arms.targets[side] @ SE3.at(z=-_RETREAT) for side in SIDES}
-    yield from move(arms, away, speed=CAREFUL, arrive=False)
+    yield from move(
+        arms,
+        away,
+        speed=CAREFUL,
+        arrive=False,
+    )
 
 
 def _take(arms: Arms, side: Side) -> Script:
     pose = arms.sim.pose(_BARS[side])
     x, y, _ = pose.apply([_GRASP_X[side], 0.0, 0.0])
-    grasp = down(x, y, _GRASP_HEIGHT, yaw=pose.yaw, tilt=_TILTS[side])
-    yield from pick(arms, side, grasp, above=0.10, lift=0.06, freedom=_FREEDOM)
+    grasp = down(
+        x,
+        y,
+        _GRASP_HEIGHT,
+        yaw=pose.yaw,
+        tilt=_TILTS[side],
+    )
+    yield from pick(
+        arms,
+        side,
+        grasp,
+        above=0.10,
+        lift=0.06,
+        freedom=_FREEDOM,
+    )
 
 
-def _lead(arms: Arms, bars: Mapping[Side, SE3], *, speed: float) -> Script:
+def _lead(
+    arms: Arms,
+    bars: Mapping[Side, SE3],
+    *,
+    speed: float,
+) -> Script:
     """Move the held bars to poses in the table frame, along straight lines."""
     goals = {side: tool_for(arms, side, _BARS[side], bar) for side, bar in bars.items()}
-    yield from move(arms, goals, speed=speed, turn_speed=0.6, tolerance=0.0015)
+    yield from move(
+        arms,
+        goals,
+        speed=speed,
+        turn_speed=0.6,
+        tolerance=0.0015,
+    )
 
 
 def _correct(arms: Arms, bars: Mapping[Side, SE3]) -> Script:

@@ -76,7 +76,11 @@ def script(arms: Arms) -> Script:
     )
 
 
-def pour(arms: Arms, source: Side, target: SE3) -> Script:
+def pour(
+    arms: Arms,
+    source: Side,
+    target: SE3,
+) -> Script:
     """Pour all marbles from the cup in an arm into the one at a pose."""
     cup_from_tool = arms.sim.pose(_cup(source)).inverse() @ arms.tcp_pose(source)
 
@@ -109,15 +113,29 @@ def bring_back(arms: Arms, side: Side) -> Script:
     yield from put_back(arms, side, square(arms, side))
 
 
-def put_back(arms: Arms, side: Side, cup: SE3) -> Script:
+def put_back(
+    arms: Arms,
+    side: Side,
+    cup: SE3,
+) -> Script:
     """Set the cup in an arm down at a pose, let go, and move away."""
     # It has turned a little in its gripper, and would come down on an edge.
     tool = tool_for(arms, side, _cup(side), cup)
-    yield from move(arms, {side: tool.moved(z=_ABOVE)}, speed=0.3, tolerance=0.01)
+    yield from move(
+        arms,
+        {side: tool.moved(z=_ABOVE)},
+        speed=0.3,
+        tolerance=0.01,
+    )
     yield from move(arms, {side: tool.moved(z=0.002)}, speed=0.2)
     yield from release(arms, side)
     away = tool @ SE3.at(z=-0.10)
-    yield from move(arms, {side: away}, speed=0.3, arrive=False)
+    yield from move(
+        arms,
+        {side: away},
+        speed=0.3,
+        arrive=False,
+    )
 
 
 def _cup(side: Side) -> str:
@@ -143,7 +161,11 @@ def _inward(side: Side) -> np.ndarray:
     return np.array([-1.0, -side.sign, 0.0]) / math.sqrt(2.0)
 
 
-def _grasp(arms: Arms, side: Side, tilt: float) -> SE3:
+def _grasp(
+    arms: Arms,
+    side: Side,
+    tilt: float,
+) -> SE3:
     """From ahead and outside, the fingers on two opposite walls, the camera on the upper side."""
     inward, up = _inward(side), np.array([0.0, 0.0, 1.0])
     approach = math.sin(tilt) * inward - math.cos(tilt) * up
@@ -153,7 +175,12 @@ def _grasp(arms: Arms, side: Side, tilt: float) -> SE3:
     return SE3(rotation, middle - _SHORT * approach)
 
 
-def take(arms: Arms, side: Side, *, tilt: float = POUR_TILT) -> Script:
+def take(
+    arms: Arms,
+    side: Side,
+    *,
+    tilt: float = POUR_TILT,
+) -> Script:
     """Grasp the cup of an arm's own side, `tilt` radians from the vertical, and raise it."""
     grasp = _grasp(arms, side, tilt)
     away = _grasp(arms, side, _COMING_TILT) @ SE3.at(z=-0.12)
@@ -163,7 +190,11 @@ def take(arms: Arms, side: Side, *, tilt: float = POUR_TILT) -> Script:
     yield from move(arms, {side: grasp.moved(z=0.06)}, speed=0.2)
 
 
-def _pouring(side: Side, other: SE3, angle: float) -> SE3:
+def _pouring(
+    side: Side,
+    other: SE3,
+    angle: float,
+) -> SE3:
     """Pose of the pouring cup, tilted by `angle` about its lip over the other cup's mouth."""
     inward, up = _inward(side), np.array([0.0, 0.0, 1.0])
     rotation = SE3.about(np.cross(up, inward), angle).rotation

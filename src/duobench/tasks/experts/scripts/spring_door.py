@@ -67,7 +67,13 @@ def script(arms: Arms) -> Script:
 def at_bar(oven: SE3, angle: float) -> SE3:
     """Tool pose around the bar of the door, open by `angle` radians, camera downwards."""
     door = oven @ SE3.at(*HINGE) @ SE3.about((0, 0, -1), angle)
-    aslant = down(0.0, 0.0, 0.0, yaw=_ASLANT, tilt=_FROM_BELOW) @ SE3.at(yaw=math.pi)
+    aslant = down(
+        0.0,
+        0.0,
+        0.0,
+        yaw=_ASLANT,
+        tilt=_FROM_BELOW,
+    ) @ SE3.at(yaw=math.pi)
     height = _BAR_HEIGHT - HEIGHT / 2
     return door @ SE3(aslant.rotation, np.array([*BAR, height]))
 
@@ -102,4 +108,10 @@ def reach_in(arms: Arms, *, depth: float = 0.0) -> Script:
 def in_oven(arms: Arms, depth: float = 0.0) -> SE3:
     """Tool pose at which the inserting arm lets the cube go, moved by `depth` metres inwards."""
     x, y, z = _INSIDE
-    return arms.sim.pose("microwave") @ down(x + depth, y, z, yaw=_AZIMUTH, tilt=_SLOPE)
+    return arms.sim.pose("microwave") @ down(
+        x + depth,
+        y,
+        z,
+        yaw=_AZIMUTH,
+        tilt=_SLOPE,
+    )

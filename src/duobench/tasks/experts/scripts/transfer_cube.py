@@ -17,7 +17,12 @@ from duobench.tasks.experts.handover import (
 )
 from duobench.tasks.experts.motion import NEAR, Arms, Script, move, together
 
-BAR = Bar(body="cube", giver=Side.RIGHT, grip=0.026, height=0.028)
+BAR = Bar(
+    body="cube",
+    giver=Side.RIGHT,
+    grip=0.026,
+    height=0.028,
+)
 MEETING_POINT = np.array([0.50, 0.0, 0.32])
 RISE = math.radians(25)
 SLANT = math.radians(10)
@@ -40,4 +45,10 @@ def script(arms: Arms) -> Script:
     yield from let_go(arms, giver)
     x, y, _ = arms.sim.position("bowl")
     goal = tool((x, y, _DROP_HEIGHT), along=(0.0, -0.6, -1.0), camera=(0.0, 1.0, 0.0))
-    yield from place(arms, receiver, goal, above=0.10, retreat=0.10)
+    yield from place(
+        arms,
+        receiver,
+        goal,
+        above=0.10,
+        retreat=0.10,
+    )

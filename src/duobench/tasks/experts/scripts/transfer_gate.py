@@ -30,7 +30,12 @@ from duobench.tasks.experts.motion import (
 from duobench.world.objects.blocks import LONG_BLOCK
 from duobench.world.objects.gate import MAT_THICKNESS, RING_HEIGHT
 
-BAR = Bar(body="block", giver=Side.RIGHT, grip=0.026, height=0.028)
+BAR = Bar(
+    body="block",
+    giver=Side.RIGHT,
+    grip=0.026,
+    height=0.028,
+)
 RISE = math.radians(45)
 LEAN = math.radians(30)
 """How far bar and hands lean away from the robot at the ring, which stands so near to it that its

@@ -28,7 +28,13 @@ from duobench.tasks.experts.motion import (
 )
 from duobench.world.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 
-BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027, freedom=0.2)
+BAR = Bar(
+    body="peg",
+    giver=Side.RIGHT,
+    grip=0.028,
+    height=0.027,
+    freedom=0.2,
+)
 """Turned faster or held less deep, the peg swivels in the hand."""
 MEETING_POINT = np.array([0.50, 0.0, 0.38])
 RISE = math.radians(60)
@@ -49,7 +55,12 @@ def script(arms: Arms) -> Script:
         pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False)
     )
     meeting = {giver: present(BAR, MEETING_POINT, RISE)}
-    yield from move(arms, meeting, tolerance=NEAR, freedom=BAR.freedom)
+    yield from move(
+        arms,
+        meeting,
+        tolerance=NEAR,
+        freedom=BAR.freedom,
+    )
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
     yield from let_go(arms, giver)
     hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
@@ -57,7 +68,11 @@ def script(arms: Arms) -> Script:
     yield from let_go(arms, receiver)
 
 
-def insert(arms: Arms, side: Side, hole: SE3) -> Script:
+def insert(
+    arms: Arms,
+    side: Side,
+    hole: SE3,
+) -> Script:
     """Turn the peg upright over a hole, look again from near, lower it."""
     goal = upright(arms, side, hole)
     for height in _ABOVE:
@@ -67,7 +82,11 @@ def insert(arms: Arms, side: Side, hole: SE3) -> Script:
     yield from lead(arms, side, goal.moved(z=-0.024), speed=0.06)
 
 
-def upright(arms: Arms, side: Side, hole: SE3) -> SE3:
+def upright(
+    arms: Arms,
+    side: Side,
+    hole: SE3,
+) -> SE3:
     """Pose of the peg as it stands on a hole's mouth, turned like the hole, its hand above."""
     peg = hanging(arms, side, BAR.body)
     corner = math.atan2(peg.rotation[1, 1], peg.rotation[0, 1])
@@ -79,7 +98,18 @@ def upright(arms: Arms, side: Side, hole: SE3) -> SE3:
     return goal.moved(z=PEG_LENGTH / 2)
 
 
-def lead(arms: Arms, side: Side, goal: SE3, *, speed: float) -> Script:
+def lead(
+    arms: Arms,
+    side: Side,
+    goal: SE3,
+    *,
+    speed: float,
+) -> Script:
     """Bring the peg to a pose, from how it lies in the hand now."""
     pose = tool_for(arms, side, BAR.body, goal)
-    yield from move(arms, {side: pose}, speed=speed, tolerance=_PRECISE)
+    yield from move(
+        arms,
+        {side: pose},
+        speed=speed,
+        tolerance=_PRECISE,
+    )
