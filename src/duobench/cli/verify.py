@@ -84,7 +84,7 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
 
 
 def _episode_name(conditions: Mapping[str, Condition], finding: Finding) -> str:
-    """What an episode is called, with its condition where there are several."""
+    """Name of an episode, with its condition where there are several."""
     task, condition, episode = finding.key
     shift = f", {conditions[condition].shift}" if len(conditions) > 1 else ""
     return f"{task}, episode {episode}{shift}"

@@ -91,7 +91,7 @@ def check_known(
 
 
 class Named(dict[str, V]):
-    """What has names, such as bodies. One that is not known raises `UnknownNameError`.
+    """Values by name, such as bodies; an unknown name raises `UnknownNameError`.
 
     Args:
         kind: What has the names, for the message.

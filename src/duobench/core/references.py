@@ -92,7 +92,7 @@ def _is_foreign(value: object, module_name: str) -> bool:
 
 
 class Lazy(NamedTuple):
-    """What a package defines to import its public names on first use (PEP 562)."""
+    """Functions and names by which a package imports its public names on first use (PEP 562)."""
 
     get: Callable[[str], object]
     """`__getattr__` of the package."""

@@ -1,4 +1,4 @@
-"""What is known about making the benchmark's objects, beside their geometry.
+"""Facts about making the benchmark's objects, beside their geometry.
 
 Sizes are those that the objects are made with, so that a recipe asks for what is simulated. What is
 said in words stands in `recipes.toml`.
@@ -138,7 +138,7 @@ FINE = (
     "transfer_reorient/board",
     "transfer_reorient/peg",
 )
-"""What has chamfers that something finds its way by: finer layers."""
+"""Parts with chamfers that guide another part: finer layers."""
 
 
 # --- in words ---
@@ -173,7 +173,7 @@ class PurchasedPart:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TaskDetails:
-    """What is known about the objects of one task, as in `recipes.toml`."""
+    """Facts about the objects of one task, as in `recipes.toml`."""
 
     assembly: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -195,14 +195,14 @@ class _Words(string.Formatter):
 
 @cache
 def details() -> Mapping[str, TaskDetails]:
-    """What is known about the benchmark's tasks, by their ids."""
+    """Facts about the benchmark's tasks, by their ids."""
     text = (files("duobench.printing") / "recipes.toml").read_text(encoding="utf-8")
     text = _Words().vformat(text[text.index("[") :], (), {**NAMED, **_MODULES})
     return msgspec.toml.decode(text, type=dict[str, TaskDetails])
 
 
 def details_of(task: str) -> TaskDetails:
-    """What is known about a task; nothing about one that is not the benchmark's."""
+    """Facts about a task; none about one that is not the benchmark's."""
     return details().get(task, TaskDetails())
 
 

@@ -40,7 +40,7 @@ FOLDER_SCHEMA = 1
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PrintChoice:
-    """What a folder of prints holds."""
+    """Choice of the content of a folder of prints."""
 
     tasks: list[str]
     variants: list[str]

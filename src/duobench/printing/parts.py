@@ -56,7 +56,7 @@ class PrintedPart:
     piece: str = ""
     """Which piece of it, where it is printed in several."""
     mesh: Mesh
-    """What is printed, in metres: z up, its lowest point at 0, the middle of its box over 0, 0."""
+    """Printed mesh, in metres: z up, its lowest point at 0, the middle of its box over 0, 0."""
     rgba: Colour
     count: int = 1
     print_from_object: SE3 = field(default_factory=SE3)
@@ -68,7 +68,7 @@ class PrintedPart:
     is_shared: bool = False
     """Whether it belongs to all variants of its object."""
     sizes: tuple[Dimension, ...] = ()
-    """What to measure with calipers, beyond the box around it and what is known of its task."""
+    """Sizes to measure with calipers, beyond the box around it and the facts about its task."""
 
     @property
     def size(self) -> Array:
@@ -88,7 +88,7 @@ class PrintedPart:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObjectMass:
-    """What an object, or a part of it that moves by itself, weighs when it is put together."""
+    """Mass of an object, or of a part of it that moves by itself, when it is put together."""
 
     body: str
     mass: float
@@ -113,13 +113,13 @@ class PrintJob:
     parts: tuple[PrintedPart, ...]
     masses: tuple[ObjectMass, ...] = ()
     bought: tuple[PurchasedPart, ...] = ()
-    """What is not printed."""
+    """Parts that are not printed."""
     notes: tuple[str, ...] = ()
-    """What else there is to know, beyond what is known of its task."""
+    """Notes beyond the facts about its task."""
 
 
 def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
-    """What to print of a task.
+    """Parts to print of a task.
 
     Of an object with variants, such as numbers of mazes, those that are given: "all" means all of
     them, nothing the first one.
@@ -305,7 +305,7 @@ def _with_names(parts: list[PrintedPart]) -> list[PrintedPart]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Spot:
-    """Where one copy of a part lies."""
+    """Place of one copy of a part."""
 
     part: PrintedPart
     copy: int

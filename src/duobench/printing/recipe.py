@@ -58,7 +58,7 @@ class PartRecipe:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObjectRecipe:
-    """What an object weighs when it is put together, and how it is fixed."""
+    """Mass of an object when it is put together, and how it is fixed."""
 
     body: str
     """The object, or the part of it that moves by itself."""
@@ -83,7 +83,7 @@ class Recipe:
     beds: int
     parts: list[PartRecipe]
     objects: list[ObjectRecipe]
-    """What they are put together to."""
+    """Objects that they are put together to."""
     assembly: list[str]
     """How that is done."""
     bought: list[PurchasedPart]

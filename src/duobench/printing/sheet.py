@@ -38,7 +38,7 @@ LABEL = 12.0
 MARGIN, FOOT = 12.0, 22.0
 """White around a tile, and below it for the ruler, in mm."""
 START = 1000 * jig.LINE
-"""Where the first row of tiles begins: x in mm."""
+"""Beginning of the first row of tiles: x in mm."""
 FIRST = (0, 0)
 """The tile that lies against the jig, its lower edge's middle at the notch."""
 Tile = tuple[int, int]
@@ -138,7 +138,7 @@ def layout_sheet(
 
 
 def marks_of(task: Task, layout: Layout) -> Iterator[Mark]:
-    """Where the objects of a task are in a layout, in the order of the task."""
+    """Places of the objects of a task in a layout, in the order of the task."""
     for prop in task.props:
         check_known("object of the layout", prop.name, layout.poses)
         pose = layout.poses[prop.name]
@@ -197,7 +197,7 @@ def tile_size(paper: Paper) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mark:
-    """Where one object is: x and y in mm from the middle of the robot's base, yaw in degrees."""
+    """Place of one object: x and y in mm from the middle of the robot's base, yaw in degrees."""
 
     name: str
     """With the variant that the layout has of it, such as "board 4"."""
@@ -387,7 +387,7 @@ def _mark_of_jig(
     x: float,
     y: float,
 ) -> None:
-    """What meets the notch of the jig."""
+    """Mark that meets the notch of the jig."""
     sheet.polygon(((x, y), (x - 3, y + 6), (x + 3, y + 6)), line=0.15, fill=0.0)
     sheet.text(x + 5, y + 2, "this edge against the jig, this mark at its notch", 2.2)
 

@@ -47,12 +47,12 @@ _DAMAGE = (
     RuntimeError,
     ValueError,
 )
-"""What the libraries raise about an archive that is none."""
+"""Errors of the libraries about a file that is no archive."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Manifest:
-    """What a bundle holds."""
+    """Content of a bundle."""
 
     CHECKED_FROM: ClassVar[int] = BUNDLE_SCHEMA
     missing: int
@@ -109,7 +109,7 @@ def _is_bundle(path: Path) -> bool:
 
 
 def open_source(path: Path) -> RunReader:
-    """What reads a run and its records: its folder, or a bundle, which is checked."""
+    """Reader of a run and its records: its folder, or a bundle, which is checked."""
     return Bundle(path) if path.is_file() else RunFolder(path)
 
 

@@ -1,4 +1,4 @@
-"""What is compared, and in which rows: conditions of runs, and published results.
+"""Entrants of a comparison and its rows: conditions of runs, and published results.
 
 Those of the paper, and of the checkpoints that its authors have published since, were measured
 elsewhere, on their own implementation of the tasks: nothing is tested against them.
@@ -31,11 +31,11 @@ from duobench.results.suite import TaskInfo
 from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 
 PAPER, AUTHORS = "paper", "authors"
-"""Where published results stand: in the paper, and with its authors' checkpoints."""
+"""Sources of published results: in the paper, and with its authors' checkpoints."""
 SCHEMES = tuple(f"{name}:" for name in (PAPER, AUTHORS))
-"""What the name of one of their policies begins with."""
+"""Prefixes of the names of their policies."""
 WARNING = "measured elsewhere, on other tasks"
-"""What stands beside each of its numbers."""
+"""Words beside each of their numbers."""
 
 Value = tuple[float, float]
 """Success rate in percent and mean final progress."""
@@ -87,7 +87,7 @@ def check_policy(source: str) -> tuple[PublishedResults, str]:
 def value_of(
     results: PublishedResults, policy: str, tasks: Collection[str]
 ) -> Value | int | None:
-    """What is reported for a policy on one task, or as the mean of exactly these tasks.
+    """Reported result of a policy on one task, or as the mean of exactly these tasks.
 
     Successes of several tasks add up, if those of each are there.
     """
@@ -120,7 +120,7 @@ class Group(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cell:
-    """What a policy reached on one task, or on several together."""
+    """Result of a policy on one task, or on several together."""
 
     episodes: int
     """How many; of a mean in the paper, of each task."""
@@ -196,9 +196,9 @@ class Entrant:
     name: str = ""
     """Its title, with the letter if another one has the same."""
     part: RunPart | None = None
-    """What was played; None for a published policy."""
+    """Played part of a run; None for a published policy."""
     quoted: str = ""
-    """What a published policy is named: `paper:ACT`."""
+    """Name of a published policy: `paper:ACT`."""
     check: Check = NOT_CHECKED
     """Whether its records were verified."""
 
@@ -208,11 +208,11 @@ class Entrant:
         return found.records if found else ()
 
     def result(self, task_id: str) -> TaskResult | None:
-        """What it reached in a task; None if it has no finished episode of it."""
+        """Result in a task; None if it has no finished episode of it."""
         return self.part.results.played(task_id) if self.part else None
 
     def score(self, tasks: Sequence[TaskInfo]) -> Score | None:
-        """What it reached on tasks together; None if it did not play all of them here."""
+        """Score on tasks together; None if it did not play all of them here."""
         played = [self.records(task.id) for task in tasks]
         return score("", list(chain.from_iterable(played))) if all(played) else None
 
@@ -240,7 +240,7 @@ def read_entrants(
 
 
 def sources_of(entrants: Iterable[Entrant]) -> list[str]:
-    """Where the numbers of published policies are quoted from, each source once."""
+    """Sources of the numbers of published policies, each once."""
     quoted = (check_policy(one.quoted)[0] for one in entrants if one.quoted)
     return list(dict.fromkeys(results.source for results in quoted))
 
@@ -287,7 +287,7 @@ def _read(source: str, checker: Checker | None) -> list[Entrant]:
 
 
 def entrant_of(part: RunPart, name: str = "") -> Entrant:
-    """What was played under a condition as an entrant that has no letter yet.
+    """Entrant of a played condition, without a letter yet.
 
     Its name for people is that of the policy by default, with its shift if it has one.
     """
@@ -331,7 +331,7 @@ def split_name(source: str) -> tuple[str, Path, Shift | None]:
 
 
 class RowKind(StrEnum):
-    """What a row is about; the tests of one kind are a family, over which Holm adjusts."""
+    """Kind of a row; the tests of one kind are a family, over which Holm adjusts."""
 
     TASK = "task"
     CATEGORY = "category"
@@ -351,7 +351,7 @@ class TableRow:
     label: str
     """Title of the task, name of the category, or which tasks."""
     tasks: tuple[TaskInfo, ...]
-    """What is added up in it; of several tasks, those that every run has."""
+    """Tasks that are added up in it; of several, those that every run has."""
 
     @property
     def category(self) -> str:

@@ -76,7 +76,7 @@ DASHES: tuple[Any, ...] = (
 )
 """Dashes of several runs, of another number than colours."""
 Levels = Mapping[str, Mapping[int, Score]]
-"""What was reached at each level of each axis."""
+"""Scores at each level of each axis."""
 _GAP = 0.5  # between the bars of two tasks, in bars
 _LONG_NAME = (
     27  # letters of a name, its key included, above which a legend has one name a line

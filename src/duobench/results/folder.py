@@ -77,11 +77,11 @@ class RunReader(ABC):
     """A run and the records of its finished episodes, read file by file."""
 
     advice = ""
-    """What to do about a record that cannot be read."""
+    """Advice about a record that cannot be read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()
-        """What is read."""
+        """Folder that is read."""
 
     @abstractmethod
     def file(self, name: str) -> Readable:
@@ -107,7 +107,7 @@ class RunReader(ABC):
         return read(self.file(DESCRIPTION), Run, RUN_SCHEMA)
 
     def finished(self, run: Run) -> list[Key]:
-        """What has a record: condition by condition, task by task."""
+        """Episodes that have a record: condition by condition, task by task."""
         conditions = {name: place for place, name in enumerate(run.conditions)}
         tasks = {task.id: place for place, task in enumerate(run.suite.tasks)}
         found: list[Key] = []
@@ -249,11 +249,11 @@ class RunFolder(RunReader):
         return found[0] if found else None
 
     def new_replay(self, key: Key, scene: str) -> Path:
-        """Where the track of an episode is to be, which plays in a scene."""
+        """Path of the track of an episode, which plays in a scene."""
         return self.path / "replays" / f"{key.path}.{scene}{TRACK_SUFFIX}"
 
     def scene(self, name: str) -> Path:
-        """What a browser needs to show the scene of replays."""
+        """Scene of replays for a browser."""
         return self.path / "replays" / "scenes" / f"{name}{SCENE_SUFFIX}"
 
     @property
@@ -271,7 +271,7 @@ class RunFolder(RunReader):
     # --- writers -----------------------------------------------------------------------------
 
     def journal(self, shard: Shard) -> Path:
-        """What the writer of a shard notes."""
+        """Journal of the writer of a shard."""
         return self.path / "attempts" / f"{shard.writer}.jsonl"
 
     @property
@@ -284,7 +284,7 @@ class RunFolder(RunReader):
         return sorted(found)
 
     def entries(self) -> list[Entry]:
-        """What all writers have noted, one writer after the other."""
+        """Entries of all writers, one writer after the other."""
         return [
             entry
             for shard in self.writers

@@ -1,4 +1,4 @@
-"""What writers of a run note while they play: one file each, which no other process writes.
+"""Journals of the writers of a run: one file each, which no other process writes.
 
 A line says that an attempt at an episode begins, before it does, and another one how it ended and
 how long it took. Records say what attempts there were, and no time of the clock.
@@ -276,7 +276,7 @@ def duration(seconds: float) -> str:
 
 
 def side_by_side(workers: Sequence[int], writers: int) -> str:
-    """What numbers of workers and writers mean for the times, in a sentence."""
+    """Note on the times with several workers and writers, a sentence."""
     if writers > 1:
         return (
             f"Episodes were played by {writers} writers, each of which plays a shard: where they "

@@ -12,7 +12,7 @@ a person who presses at once needs 0.3 to 1 s [choice]. A later one is marked.""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StageLabel:
-    """What a person who judges an episode has said at one moment."""
+    """Label of a person who judges an episode, at one moment."""
 
     stage: int | None
     """The stage that is reached, as the person sees it; None takes back the latest label that
@@ -69,10 +69,10 @@ class StageLabels:
 
 
 class FaultKind(StrEnum):
-    """What sort of fault it is, which decides what it means for a trial."""
+    """Kind of a fault, which decides how a trial counts."""
 
     PERSON = "person"
-    """Somebody stopped an arm: the emergency stop, a door, a button of the arm."""
+    """A person stopped an arm: the emergency stop, a door, a button of the arm."""
     CONTACT = "contact"
     """An arm ran into something, or was about to; it counts as a failure of who led it."""
     LIMIT = "limit"
@@ -99,4 +99,4 @@ class Fault:
 
     kind: FaultKind
     text: str
-    """What is wrong, in words for people."""
+    """Description in words for people."""

@@ -54,13 +54,13 @@ TEST_HEADS = ("Evaluated", "First", "Second", "Compared by", *tables.TEST_HEADS)
 
 
 class Place(NamedTuple):
-    """Where a result stands in the table."""
+    """Place of a result in the table."""
 
     policy: str
     """Name of the policy, the same for all of its trainings; may be empty."""
     trained_on: str
     domain: str
-    """Where it was evaluated."""
+    """Domain in which it was evaluated."""
 
     @property
     def title(self) -> str:
@@ -119,7 +119,7 @@ class MixedTable:
                     yield row, trained_on, found
 
     def score(self, row: TableRow, place: Place) -> Score | None:
-        """What was reached in a row; None where a task of it was not played."""
+        """Score in a row; None where a task of it was not played."""
         entrant = self.entrants.get(place)
         return entrant and entrant.score(row.tasks)
 
@@ -182,7 +182,7 @@ def read_mixed(sources: Sequence[str]) -> MixedTable:
 
 
 def _joined(parts: Sequence[RunPart]) -> RunPart:
-    """What several evaluations of one training played, each on other tasks, as one."""
+    """Several evaluations of one training, each on other tasks, as one."""
     first = parts[0]
     versions = {part.suite.version for part in parts}
     if len(versions) > 1:

@@ -1,4 +1,4 @@
-"""What pages of results are made of: facts about a run, its videos and replays, their writer."""
+"""Parts of pages of results: facts about a run, its videos and replays, their writer."""
 
 import json
 import os
@@ -37,12 +37,12 @@ _MACHINE = {
     "processor": UNKNOWN,
     "renderer": "none: no images for the policy",
 }
-"""What a record's versions say of the machine, and the word where they do not."""
+"""Facts of a record's versions about the machine, and the word where they are missing."""
 _BY_PROCESSOR = ": no graphics card rendered the images, so they took longer"
 
 
 def software() -> str:
-    """What decides how a page looks, which every page names."""
+    """Software that decides how a page looks, which every page names."""
     return f"DuoBench {__version__} {package_source()[:12]}, Matplotlib {matplotlib.__version__}"
 
 
@@ -115,7 +115,7 @@ def write_files(out: Path, contents: Mapping[str, str]) -> Path:
 
 
 def identity(part: RunPart) -> Facts:
-    """What was run, as far as every episode has it in common."""
+    """Identity of a run, as far as every episode has it in common."""
     run, suite, candidate = part.run, part.suite, part.candidate
     policy, config, batching = candidate.metadata, candidate.config, candidate.batching
     first, last = suite.indices[0], suite.indices[-1]
@@ -199,7 +199,7 @@ def _machine(name: str, versions: Mapping[str, str | None]) -> str:
 
 
 def trials(records: Iterable[Record]) -> Facts:
-    """What became of trials on real arms; nothing in simulation."""
+    """Outcomes of trials on real arms; empty in simulation."""
     judged = [record.judged for record in records if record.judged is not None]
     if not judged:
         return {}

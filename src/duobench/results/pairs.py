@@ -28,7 +28,7 @@ _CONDITIONS = (
     "split",
     "speed_fraction",
 )
-"""What of a configuration is not the policy's choice."""
+"""Parts of a configuration that are not the policy's choice."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -76,7 +76,7 @@ class Pair:
     obstacle: str | None
     """Why nothing is tested, if nothing is."""
     conditions: tuple[str, ...]
-    """What differed around the policies, one phrase each."""
+    """Differences around the policies, one phrase each."""
     left_out: int
     """Finished episodes of common tasks that only one run has, where the tests are paired."""
     tests: tuple[Test, ...]
@@ -227,7 +227,7 @@ def _more_episodes(test: Test, family: int) -> int | None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunComparison:
-    """What two or more policies are against each other."""
+    """Comparison of two or more policies."""
 
     entrants: tuple[Entrant, ...]
     """Column by column, group by group."""
@@ -298,7 +298,7 @@ def _rounded(layout: SampledLayout) -> object:
 
 
 def _differing_conditions(a: RunPart, b: RunPart) -> list[str]:
-    """What was not the same around the two policies, one phrase each."""
+    """Differences around the two policies, one phrase each."""
     one, other = a.condition, b.condition
     found = (
         []

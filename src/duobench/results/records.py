@@ -33,7 +33,7 @@ from duobench.tasks.shifts.shift import Shift
 RECORD_SCHEMA = 12
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 SIM, REAL, MIXED = "sim", "real", "mixed"
-"""Where something was played or recorded: in simulation, on real arms, or both."""
+"""Domains in which episodes were played or recorded: in simulation, on real arms, or both."""
 DOMAINS = (SIM, REAL)
 _LONGEST_PART = 40
 
@@ -45,11 +45,11 @@ _SHORT, _LONG = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Condition:
-    """What episodes of a task and an index differ in: by whom, where and how they are played."""
+    """Condition of episodes: the policy, the domain and the way in which they are played."""
 
     policy: str
     domain: str
-    """Where it is played: "sim" or "real"."""
+    """Domain in which it is played: "sim" or "real"."""
     shift: Shift
     look: str
     """Name of the look; "custom" for one that has none."""
@@ -89,7 +89,7 @@ def _slug(text: str) -> str:
 
 
 class Key(NamedTuple):
-    """What names an episode in a run's folder: id of the task, name of the condition, and index."""
+    """Key of an episode in a run's folder: id of the task, name of the condition, and index."""
 
     task: str
     condition: str
@@ -97,12 +97,12 @@ class Key(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Where its files lie in a folder of such files, without an ending."""
+        """Path of its files in a folder of such files, without an ending."""
         return f"{self.task}/{self.condition}/{self.episode:05d}"
 
 
 class SampledLayout(TypedDict, total=False):
-    """What the reset sampled, as `Layout.to_json` gives it; empty if nothing was."""
+    """Sample of the reset, as `Layout.to_json` gives it; empty if nothing was."""
 
     poses: dict[str, Annotated[list[float], Meta(min_length=7, max_length=7)]]
     """Positions in metres and quaternions [x, y, z, qx, qy, qz, qw], in the table frame."""
@@ -111,7 +111,7 @@ class SampledLayout(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StateHashes:
-    """What the state of an episode was at one moment: two that are equal have equal hashes."""
+    """Hashes of the state of an episode at one moment: equal states have equal hashes."""
 
     physics: str
     stages: str | None
@@ -126,7 +126,7 @@ class InvalidTrial:
     stage: int = 0
     """Highest stage that had been pressed."""
     fault: FaultKind | None = None
-    """What sort of fault stopped the arms; None if none did."""
+    """Kind of the fault that stopped the arms; None if none did."""
     is_chosen: bool = False
     """Whether a person chose so, who had seen the outcome; otherwise it could not have counted."""
 
@@ -136,7 +136,7 @@ class Judged:
     """How a person judged an episode on real arms."""
 
     rater: str
-    """Who, by a pseudonym."""
+    """Pseudonym of the rater."""
     presses: tuple[StageLabel, ...]
     """Every one in the order of time, those that were taken back included."""
     note: str = ""
@@ -145,7 +145,7 @@ class Judged:
     stopped: str = ""
     """Why the arms ended the episode; empty if they did not."""
     fault: FaultKind | None = None
-    """What sort of fault that was; None if it was none. What counts is a contact, or a limit that
+    """Kind of that fault; None if it was none. What counts is a contact, or a limit that
     the operator blamed on the policy."""
     waits: int = 0
     """How often the arms rested until an image came that was late."""
@@ -296,7 +296,7 @@ class Record:
 
     @property
     def key(self) -> Key:
-        """What names it in the folder of its run."""
+        """Key in the folder of its run."""
         return Key(self.task, self.condition.name, self.episode)
 
     @property
@@ -318,7 +318,7 @@ class Record:
 
     @property
     def missing(self) -> str:
-        """What kept the next stage from being reached, in one line; empty if that is unknown."""
+        """Reason why the next stage was not reached, in one line; empty if that is unknown."""
         return "; ".join(self.unmet or ())
 
     def targets(self) -> Array | None:

@@ -39,7 +39,7 @@ _MOST_UNMET = 6
 
 
 def read_parts(source: RunReader) -> list[RunPart]:
-    """What the records of a run add up to, condition by condition; nothing is written."""
+    """Scores of the records of a run, condition by condition; nothing is written."""
     run = source.read_run()
     return group_by_condition(run, source.read_records(run))
 

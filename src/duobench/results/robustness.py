@@ -1,4 +1,4 @@
-"""What policies reach under shifts: one page, its figure, and a JSON file."""
+"""Robustness of policies under shifts: one page, its figure, and a JSON file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,12 +33,12 @@ UNPROVEN = (shifts.LOOK, shifts.CAMERA, shifts.SENSING)
     eq=False,
 )
 class Robustness:
-    """What a policy reached under shifts."""
+    """Results of a policy under shifts."""
 
     title: str
     """Name of the policy, or the one that was given."""
     parts: tuple[RunPart, ...]
-    """What was played, shift by shift."""
+    """Played parts, shift by shift."""
 
     @property
     def first(self) -> RunPart:
@@ -57,19 +57,19 @@ class Robustness:
         return sum(part.size - part.results.overall.episodes for part in self.parts)
 
     def at(self, axis: str, level: int) -> RunPart | None:
-        """What was played along an axis at a level from 0 to 5; None if nothing was."""
+        """Part along an axis at a level from 0 to 5; None if it was not played."""
         shift = shifts.Shift(axis=axis, level=level) if level else shifts.NO_SHIFT
         found = (part for part in self.parts if part.condition.shift == shift)
         return next((part for part in found if part.results.overall.episodes), None)
 
     def levels(self, axis: str) -> dict[int, Score]:
-        """What was reached at the levels of an axis that were played, 0 included."""
+        """Scores at the levels of an axis that were played, 0 included."""
         each = {level: self.at(axis, level) for level in range(shifts.LEVELS + 1)}
         return {level: part.results.overall for level, part in each.items() if part}
 
 
 def robustness_of(parts: Sequence[RunPart], title: str = "") -> list[Robustness]:
-    """What each policy of a run reached under shifts; a run of one may give it another title."""
+    """Results of each policy of a run under shifts; a run of one may give it another title."""
     if all(part.condition.shift == shifts.NO_SHIFT for part in parts):
         raise EvaluationError("Nothing was played under a shift.")
     by_policy: dict[str, list[RunPart]] = {}

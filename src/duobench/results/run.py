@@ -78,7 +78,7 @@ class Shard:
 
     @property
     def writer(self) -> str:
-        """What its writer is called, such as "3-of-16"."""
+        """Name of its writer, such as "3-of-16"."""
         return f"{self.number}-of-{self.count}"
 
     @property
@@ -133,7 +133,7 @@ class TimeLimits:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Resuming:
-    """What is done with a run that is there, and with episodes that cannot be played."""
+    """Treatment of an existing run, and of episodes that cannot be played."""
 
     retry_broken: bool = False
     """Play the episodes again that failed with an error in an earlier call."""
@@ -149,11 +149,11 @@ class Resuming:
 RUN_SCHEMA = 11
 _SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
-"""What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
+"""Data that a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
 
 
 def needed_options(policy: PolicyMetadata) -> dict[str, Any]:
-    """What a policy needs its environments to be like: fields of `EnvConfig` by their names."""
+    """Options that a policy needs of its environments: fields of `EnvConfig` by their names."""
     return {
         "cameras": policy.cameras,
         "object_state": policy.object_state,
@@ -174,7 +174,7 @@ class Candidate:
     batching: Batching | None = None
     """How many observations it answers together, if that is known."""
     trained_on: str = ""
-    """What it was trained on, "sim", "real" or "mixed"; empty if that is not known."""
+    """Data that it was trained on, "sim", "real" or "mixed"; empty if that is not known."""
 
     def __post_init__(self) -> None:
         if self.trained_on not in ("", *TRAININGS):
@@ -282,7 +282,7 @@ class Run:
         )
 
     def key(self, episode: Episode, policy: str = "") -> Key:
-        """What names an episode that a policy plays, by default the only one."""
+        """Key of an episode that a policy plays, by default the only one."""
         candidate = self.of(policy) if policy else self.candidate
         condition = self._condition(candidate, episode.shift)
         return Key(episode.task.id, condition.name, episode.index)
@@ -306,7 +306,7 @@ class Run:
         ]
 
     def episode_keys(self, shard: Shard = WHOLE) -> Iterator[Key]:
-        """What names each of its episodes: condition by condition, task by task."""
+        """Keys of its episodes: condition by condition, task by task."""
         for name in self.conditions:
             for place, task in enumerate(self.suite.tasks):
                 for index in shard.part(place, self.suite.indices):
@@ -354,7 +354,7 @@ class Run:
         return None
 
     def differences(self, other: Self) -> list[str]:
-        """What another run has differently, field by field; it may have less to play."""
+        """Differences of another run, field by field; it may have less to play."""
         # What another policy says about itself differs too, which says no more.
         ours, theirs = (
             [each.policy for each in run.candidates] for run in (self, other)

@@ -1,4 +1,4 @@
-"""What records add up to, condition by condition: success, progress, and where episodes ended.
+"""Scores of records, condition by condition: success, progress, and where episodes ended.
 
 The quantities are those of the paper, computed from records alone, in whatever order they come.
 """
@@ -63,7 +63,7 @@ def wilson_interval(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Score:
-    """What a number of episodes add up to."""
+    """Score of a number of episodes."""
 
     label: str
     """Whose episodes: a task's title, a category, or all of them."""
@@ -86,7 +86,7 @@ class Score:
         return wilson_interval(self.successes, self.episodes)
 
     def numbers(self) -> dict[str, Any]:
-        """What every file for programs has of it."""
+        """Numbers of it in every file for programs."""
         return {
             "episodes": self.episodes,
             "successes": self.successes,
@@ -189,7 +189,7 @@ def summarize(tasks: Sequence[TaskInfo], records: Sequence[Record]) -> Results:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunPart:
-    """What was played of a run under one condition: what a page, a row or a column is about."""
+    """Part of a run under one condition, as of a page, a row or a column."""
 
     run: Run
     condition: Condition
@@ -242,7 +242,7 @@ class RunPart:
         )
 
     def facts(self, *names: str) -> dict[str, Any]:
-        """What files for programs say of what was run, by these names and in their order."""
+        """Facts about the run in files for programs, by these names and in their order."""
         candidate, suite = self.candidate, self.run.suite
         facts: dict[str, Any] = {
             "policy": candidate.policy,
@@ -315,7 +315,7 @@ class FailedStage:
     records: tuple[Record, ...]
     """The episodes, by index."""
     unmet: tuple[tuple[int, str], ...]
-    """What did not hold of the next stage, in words, and before it in how many episodes, most
+    """Unmet parts of the next stage, in words, and before it in how many episodes, most
     frequent first. A number that is not the same in all of them is a range."""
 
     @property
@@ -340,7 +340,7 @@ def failed_stages(result: TaskResult) -> tuple[FailedStage, ...]:
 
 
 def _unmet(records: Iterable[Record]) -> tuple[tuple[int, str], ...]:
-    """What did not hold in episodes, without those that an error ended."""
+    """Unmet parts of stages in episodes, without those that an error ended."""
     alike: dict[tuple[str, ...], list[str]] = {}
     for record in records:
         if record.error is None:

@@ -73,7 +73,7 @@ def tango_interval(
     estimate = (only_a - only_b) / episodes
 
     def excess(difference: float, sign: float) -> float:
-        """What the score at a difference exceeds its limit by."""
+        """Excess of the score at a difference over its limit."""
         linear = (2 * episodes - only_a + only_b) * difference - only_a - only_b
         constant = -only_b * difference * (1 - difference)
         root = math.sqrt(max(0.0, linear * linear - 8 * episodes * constant))

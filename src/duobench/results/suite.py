@@ -29,7 +29,7 @@ AS_THE_PAPER = ChunkExecution(execute=PAPER_EXECUTE)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TaskInfo:
-    """What records, tables and reports need to know about a task, without the task itself."""
+    """Facts about a task for records, tables and reports, without the task itself."""
 
     reference: str
     """Import path `module:ATTRIBUTE` of the task, or the id of one of the benchmark."""
@@ -69,7 +69,7 @@ class Episode:
     split: str = EVAL
     """Which layouts it is one of."""
     shift: Shift = NO_SHIFT
-    """What differs in it from the usual episode of this index."""
+    """Shift from the usual episode of this index."""
 
     @property
     def seed(self) -> int:
@@ -88,7 +88,7 @@ MAX_EPISODES = 2**53
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Suite:
-    """What a policy is evaluated on."""
+    """Suite of episodes on which a policy is evaluated."""
 
     tasks: tuple[TaskInfo, ...]
     episodes: int = 20
@@ -101,9 +101,9 @@ class Suite:
     revision: int = 1
     """Version of the suite of that name: of what it fixes beside the episodes."""
     execution: ChunkExecution = WHOLE_CHUNKS
-    """What is executed of the chunks of a policy, and when."""
+    """Executed part of the chunks of a policy, and its timing."""
     shifts: tuple[Shift, ...] = (NO_SHIFT,)
-    """What differs from the usual episodes, condition by condition; each has all episodes."""
+    """Shifts from the usual episodes, condition by condition; each has all episodes."""
 
     def __post_init__(self) -> None:
         if (
@@ -137,7 +137,7 @@ class Suite:
         return CUSTOM if self.name == CUSTOM else f"{self.name} {self.revision}"
 
     def execution_of(self, task_id: str, shift: Shift) -> ChunkExecution:
-        """What is executed of chunks in episodes of a task, with the latency of a shift."""
+        """Execution of chunks in episodes of a task, with the latency of a shift."""
         latency = self.execution.latency + latency_steps(shift, task_id)
         return replace(self.execution, latency=latency)
 
@@ -181,7 +181,7 @@ def find_tasks(paths: Sequence[str]) -> tuple[TaskInfo, ...]:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NamedSuite:
-    """What a name stands for: all tasks of the benchmark, from episode 0 on, in the usual look."""
+    """Suite of a name: all tasks of the benchmark, from episode 0 on, in the usual look."""
 
     name: str
     revision: int
@@ -219,7 +219,7 @@ _OWN = NamedSuite(
     episodes=DEFAULT_EPISODES,
     execution=WHOLE_CHUNKS,
 )
-"""What is played where no suite is named."""
+"""Suite where none is named."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

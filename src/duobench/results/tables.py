@@ -302,7 +302,7 @@ def csv_text(lines: Iterable[Iterable[object]]) -> str:
 
 
 def caption(comparison: RunComparison) -> str:
-    """What bold means, and what is not compared."""
+    """Caption: the meaning of bold, and entrants that are not compared."""
     text = (
         "Bold: better than every other policy of its group, by tests at 5 % after Holm's "
         "adjustment over the tasks."
@@ -408,7 +408,7 @@ def _cell(cell: Cell, is_best: bool) -> dict[str, Any]:
 
 
 def pair_json(pair: Pair) -> dict[str, Any]:
-    """What tests say about two runs, for programs."""
+    """Results of tests of two runs, for programs."""
     return {
         "a": pair.a.key,
         "b": pair.b.key,

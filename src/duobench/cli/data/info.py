@@ -65,7 +65,7 @@ def run(
 
 
 def _actors(summary: Summary) -> Iterator[str]:
-    """Who acted, with the tasks where it was not the same in all."""
+    """Actors, with the tasks where they were not the same in all."""
     actors: dict[str, list[TaskSummary]] = {}
     for task in summary.tasks:
         for actor in task.actors:
@@ -85,7 +85,7 @@ def _actors(summary: Summary) -> Iterator[str]:
 
 
 def _smoothness(summary: Summary) -> Table:
-    """What joint targets do that is hard to learn, task by task."""
+    """Table of properties of joint targets that are hard to learn, task by task."""
     columns = numeric(
         "Steps at a\njoint limit", "Reversals\nan episode", "Steps with\na jump"
     )

@@ -19,7 +19,7 @@ GRIPPERS: Advice = {
 
 
 WORD = "home"
-"""What the operator types to confirm."""
+"""Word that the operator types to confirm."""
 
 
 def run(

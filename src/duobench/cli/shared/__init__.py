@@ -1,1 +1,1 @@
-"""What verbs share: messages, tables, progress, advice, and how they end."""
+"""Parts that commands share: messages, tables, progress, advice, and how they end."""

@@ -1,4 +1,4 @@
-"""What the command line adds to an error of the library: which of its arguments would help."""
+"""Advice of the command line after an error of the library: which of its arguments would help."""
 
 from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import contextmanager
@@ -31,7 +31,7 @@ KINDS = {
     "trials.json": ("an evaluation on real arms", "duobench report {}/run"),
     "meta/info.json": ("a data set of LeRobot", "duobench train act --data {}"),
 }
-"""What the folders are that our verbs write, by a file in each, and a verb that takes it."""
+"""Kinds of folders that our commands write, by a file in each, and a command that takes it."""
 
 
 def find_folder(folder: Path, sign: str) -> None:
@@ -74,7 +74,7 @@ def relative(path: Path) -> Path:
 
 
 Advice = Mapping[type[DuoBenchError], str | Callable[[], str]]
-"""What to say after an error of a class; the first class that fits counts."""
+"""Advice after an error of a class; the first class that fits counts."""
 
 FOREIGN: Advice = {ForeignTaskError: _IMPORT}
 OTHER_RUN: Advice = {OtherRunError: "Give --out another folder."}
@@ -105,7 +105,7 @@ def advising(advice: Advice) -> Iterator[None]:
 
 
 def for_evaluation(folder: RunFolder, policy: str) -> Advice:
-    """What would help after an error of an evaluation of a policy in a folder."""
+    """Advice after an error of an evaluation of a policy in a folder."""
 
     def other_run() -> str:
         if not folder.description.exists():

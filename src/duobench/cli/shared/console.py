@@ -1,4 +1,4 @@
-"""What the verbs print."""
+"""Output of the commands."""
 
 import os
 import sys
@@ -127,7 +127,7 @@ def results_table(part: RunPart) -> Table:
         score: Score,
         wanted: int,
     ) -> list[str]:
-        """What every row has; a run that is not finished says how far it is."""
+        """Cells of every row; a run that is not finished says how far it is."""
         episodes = (
             str(score.episodes)
             if score.episodes == wanted
@@ -160,7 +160,7 @@ def results_table(part: RunPart) -> Table:
 
 
 def verified_table(parts: Sequence[RunPart]) -> Table:
-    """What was verified: `results_table`, or one row a condition where there are several."""
+    """Table of verified scores: `results_table`, or one row a condition where there are several."""
     numbers = numeric("Successes", "%", "95 %\ninterval", "Final\nprogress")
     rows = table(whole("Condition"), *numbers)
     for part in parts:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LeadingOptions:
-    """Who leads the arms, and with what."""
+    """Options of a person or script that leads the arms."""
 
     operator: str = ""
     """Pseudonym of who leads; it is recorded."""
@@ -30,7 +30,7 @@ class LeadingOptions:
     """Leader arms in place of the page's hands: gello:FILE, a configuration of two GELLO arms, or
     lerobot:KIND, a teleoperator of LeRobot with our 16 numbers."""
     instruction: str = ""
-    """What the operator says that the arms will do; the task's own if not given. Both are
+    """Instruction that the operator follows; the task's own if not given. Both are
     recorded."""
     scripted: bool = False
     """A program leads through the page, which is recorded as such and never as a person."""
@@ -39,7 +39,7 @@ class LeadingOptions:
     slow for real time, and on a rig for drivers without hardware."""
 
     def open(self, ending: ExitStack) -> tuple[Device, Actor]:
-        """What the operator leads with, which `ending` lets go of, and who is recorded."""
+        """Device of the operator, which `ending` lets go of, and the actor that is recorded."""
         from duobench.data import Actor, ActorKind
         from duobench.teleop.hands import HandDevice
         from duobench.teleop.leaders.device import LeaderDevice
@@ -57,7 +57,7 @@ class LeadingOptions:
         )
 
     def asked(self) -> dict[str, Any]:
-        """What a session takes of them."""
+        """Settings of a session."""
         return {"instruction": self.instruction, "lockstep": self.lockstep}
 
 

@@ -11,7 +11,7 @@ _ELSEWHERE: Mapping[str, str] = {
     "server": "URL",
     "key_file": "FILE",
 }
-"""What stands for a value that another machine has elsewhere, or that is nobody's business."""
+"""Placeholders of values that another machine has elsewhere, or that are private."""
 _NO_MATTER = (
     "workers",
     "observer",

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PageOptions:
-    """Where a page is served."""
+    """Address and options of a page."""
 
     port: int = 0
     """Port of the page; 0 takes a free one."""

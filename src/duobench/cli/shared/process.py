@@ -19,7 +19,7 @@ from duobench.core.files import SCRATCH
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
 AT_LEAVING: list[Callable[[], object]] = []
-"""What `leave` puts back first, such as a terminal; nothing else is put away."""
+"""Functions that `leave` calls first, such as to restore a terminal."""
 _MEMORY = Path("/dev/shm")
 _STDOUT, _STDERR = 1, 2
 _SHOW_CURSOR = b"\x1b[?25h"

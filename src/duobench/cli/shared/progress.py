@@ -120,7 +120,7 @@ class Display:
 def display(
     noun: str, screen: Console | None = None, clock: Callable[[], float] = monotonic
 ) -> Iterator[Display]:
-    """What suits a console, live as long as the block lasts; `noun` is what is counted, as of 1."""
+    """Progress that suits a console, live during the block; `noun` is counted, as of 1."""
     screen = screen or console()
     columns = (
         TextColumn("{task.description}", markup=False),

@@ -92,7 +92,7 @@ class StateView:
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
     _found: dict[object, Any] = field(default_factory=dict)
-    """What was computed of poses so far."""
+    """Values computed of poses so far."""
 
     def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
         """Origin of a body in the frame of another body, in metres, computed once."""

@@ -123,7 +123,8 @@ class _Judgement:
     """
 
     seen: tuple[tuple[Predicate, bool], ...]
-    """What looked at the step, in the order in which it was asked, and what it answered."""
+    """Predicates that looked at the step, in the order in which they were asked, and their
+    values."""
     running: tuple[Clock, ...]
     """The clocks that it counted for; each other one has stayed as it was, or is at 0."""
     stayed: tuple[bool, ...]

@@ -82,7 +82,7 @@ def _d405(
 
 
 _HOUSINGS = {ZED_MINI: _zed_mini, D405: _d405}
-"""What builds the housing of a kind of camera, in a body that its mount has a pose in."""
+"""Builders of the housing of each kind of camera, in a body in which its mount has a pose."""
 
 
 def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:

@@ -158,7 +158,7 @@ class Contacts(ContactOwners):
         self._data = data
         # A group of owners is a number whose binary digits are its rows.
         self._partners = [0] * len(self._index)
-        """What each owner touches, as a group."""
+        """Partners that each owner touches, as a group."""
         self._fingers = {
             side: self._group(rows[:2]) for side, rows in self._limbs.items()
         }
