@@ -71,14 +71,14 @@ test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policie
 # enforces an arm's limits asks for an older NumPy, and has an environment of its own.
 test-hardware: system-hardware $(HARDWARE_VENV)/.installed $(FRANKA_SIM_VENV)/.installed  ## Test drivers against simulators of the hardware.
 	DUOBENCH_FRANKA_SIM_PYTHON=$(FRANKA_SIM_VENV)/bin/python \
-		$(HARDWARE_VENV)/bin/python -m pytest -p no:cacheprovider tests/hardware/with_libraries
+		$(HARDWARE_VENV)/bin/python -m pytest -p no:cacheprovider tests/real/with_libraries
 
 # openpi-client asks for an older NumPy than DuoBench does.
 test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $(VLAGENTS_VENV)/.installed  ## Test with openpi, vla-eval and VLAgents.
 	DUOBENCH_OPENPI_PYTHON=$(OPENPI_VENV)/bin/python \
 	DUOBENCH_VLA_EVAL_PYTHON=$(VLA_EVAL_VENV)/bin/python \
 	DUOBENCH_VLAGENTS_PYTHON=$(VLAGENTS_VENV)/bin/python \
-		$(BIN)/python -m pytest tests/interop
+		$(BIN)/python -m pytest tests/evaluation/interop
 
 # A cluster of several processes on this machine; Ray is large, and not in the usual environment.
 test-ray: $(RAY_VENV)/.installed  ## Test evaluations on a Ray cluster.
@@ -94,7 +94,7 @@ test-printing: setup-test  ## Test the files to print with a slicer, PrusaSlicer
 		apt-get update; apt-get install --yes --no-install-recommends prusa-slicer; } || true
 	@if command -v prusa-slicer >/dev/null; then \
 		OMP_NUM_THREADS=1 DUOBENCH_SLICER=prusa-slicer \
-			$(BIN)/python -m pytest -n $(TEST_WORKERS) tests/fabrication/with_slicer; \
+			$(BIN)/python -m pytest -n $(TEST_WORKERS) tests/printing/with_slicer; \
 	else \
 		echo "Skipped: there is no prusa-slicer here. On Debian: apt-get install prusa-slicer"; \
 	fi

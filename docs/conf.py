@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from duobench.versions import __version__
+from duobench.core.versions import __version__
 
 sys.path.append(str(Path(__file__).parent))
 

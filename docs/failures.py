@@ -1,6 +1,7 @@
 """Whose each failure is: the table of docs/guides/evaluation.md, each cell of which a test raises.
 
-`tests/runners/test_failures.py` raises every cell with real parts and looks for the effect.
+`tests/evaluation/runners/test_failures.py` raises every cell with real parts and looks for the
+effect.
 """
 
 from collections.abc import Iterator

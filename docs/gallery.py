@@ -41,16 +41,16 @@ from gallery_shots import (
 from gallery_sources import sources
 
 import duobench
-from duobench.backend import Image
 from duobench.cli.shared.console import console
-from duobench.errors import DuoBenchError
+from duobench.core.backend import Image
+from duobench.core.errors import DuoBenchError
+from duobench.core.types import POLICY_CAMERAS, Array
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout
-from duobench.robot.cameras import OVERVIEW, View
-from duobench.sim.rendering import Renderer
-from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
-from duobench.types import POLICY_CAMERAS, Array
+from duobench.world.robot.cameras import OVERVIEW, View
+from duobench.world.sim.rendering import Renderer
+from duobench.world.sim.simulation import Simulation
 
 DRAWER = Path(__file__).parent / "tasks"
 """Where the page is."""

@@ -13,11 +13,11 @@ import PIL.Image
 from gallery_shots import FOLDER, STAGE_SIZE, camera_file, stage_file
 from PIL import ImageDraw, ImageFont
 
-from duobench.errors import DuoBenchError
-from duobench.robot.cameras import OVERVIEW
+from duobench.core.errors import DuoBenchError
+from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.world.robot.cameras import OVERVIEW
 
 COVER_WIDTH = 840
 COLUMNS = 3

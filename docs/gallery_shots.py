@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from duobench.robot.cameras import View
+from duobench.world.robot.cameras import View
 
 FOLDER = "gallery"
 """Where the images of the page are, beside it."""

@@ -27,9 +27,9 @@ from gallery_shots import (
     shot,
 )
 
-from duobench.scene.compose import compose
-from duobench.sim.offscreen import VISIBLE_GROUPS
 from duobench.tasks.task import Task
+from duobench.world.scene.compose import compose
+from duobench.world.sim.offscreen import VISIBLE_GROUPS
 
 DIGITS = 9
 """Decimals that count: fewer are written by hand, and sums on two processors agree in more."""

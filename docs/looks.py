@@ -18,12 +18,12 @@ from gallery_sources import DIGITS, model_digest
 from PIL import ImageDraw, ImageFont
 
 from duobench.cli.shared.console import console
-from duobench.looks.catalog import LOOKS, look
-from duobench.robot.cameras import OVERVIEW
-from duobench.sim.rendering import Renderer
-from duobench.sim.simulation import Simulation
+from duobench.core.types import HEAD
 from duobench.tasks import catalog
-from duobench.types import HEAD
+from duobench.world.looks.catalog import LOOKS, look
+from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.sim.rendering import Renderer
+from duobench.world.sim.simulation import Simulation
 
 DRAWER = Path(__file__).parent / "tasks"
 """Where the page is."""

@@ -16,16 +16,16 @@ import numpy as np
 import PIL.Image
 from prints_page import DRAWN, FOLDER, JOBS, PAGE, digest, job, page, together_file
 
-from duobench.fabrication import PrintJob, lay_out
-from duobench.fabrication.formats import BED_STEP
-from duobench.objects import Solid, chest as chests, cylinder, mesh_of, pieces_of
-from duobench.objects.joint_blocks import BAR, PEG_HEIGHT
-from duobench.objects.shapes import PRINTER, Colour
-from duobench.objects.solid import Mesh, manifold_from, manifold_of, placed
-from duobench.scene.meshes import add_visual_mesh
-from duobench.sim.rendering import Renderer
-from duobench.spatial import SE3
+from duobench.core.spatial import SE3
+from duobench.printing import PrintJob, lay_out
+from duobench.printing.formats import BED_STEP
 from duobench.tasks import catalog
+from duobench.world.objects import Solid, chest as chests, cylinder, mesh_of, pieces_of
+from duobench.world.objects.joint_blocks import BAR, PEG_HEIGHT
+from duobench.world.objects.shapes import PRINTER, Colour
+from duobench.world.objects.solid import Mesh, manifold_from, manifold_of, placed
+from duobench.world.scene.meshes import add_visual_mesh
+from duobench.world.sim.rendering import Renderer
 
 DRAWER = Path(__file__).parent / "tasks"
 """Where the page is."""

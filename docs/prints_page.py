@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from duobench.fabrication import Foot, PrintJob, fit_coupon, job_of, placing_jig, recipe_of
-from duobench.fabrication.details import shopping_lines
+from duobench.printing import Foot, PrintJob, fit_coupon, job_of, placing_jig, recipe_of
+from duobench.printing.details import shopping_lines
 from duobench.tasks import catalog
 
 PAGE = "printing_parts.md"

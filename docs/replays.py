@@ -11,14 +11,14 @@ from pathlib import Path
 
 import duobench
 from duobench.cli.shared.console import console
+from duobench.core.files import write
 from duobench.evaluation.policies import ExpertPolicy
+from duobench.evaluation.replay.trajectory import SceneCache, TrajectoryRecorder
 from duobench.evaluation.rollout import rollout
-from duobench.files import write
-from duobench.looks.look import Look
-from duobench.replay.trajectory import SceneCache, TrajectoryRecorder
 from duobench.results.suite import Episode, find_tasks
 from duobench.tasks import catalog
 from duobench.web.page import EpisodeReplay, replay_page
+from duobench.world.looks.look import Look
 
 FOLDER = Path(__file__).parent / "tasks" / "replays"
 EPISODE = 0

@@ -22,12 +22,12 @@ from duobench.cli.program import GROUPS, VERBS
 from duobench.data.lerobot.options import ExportOptions
 from duobench.data.schema import COLUMNS, EpisodeInfo
 from duobench.envs.config import EnvConfig
-from duobench.hardware.rig import Rig
 from duobench.policy import PolicyMetadata
+from duobench.real.rig import Rig
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import SuiteChoice
-from duobench.shifts.shift import Shift
+from duobench.tasks.shifts.shift import Shift
 
 DOCS = Path(__file__).parent
 EXAMPLES = DOCS / "site_examples.txt"
@@ -35,9 +35,21 @@ EXAMPLES = DOCS / "site_examples.txt"
 MESSAGES = DOCS.parent / "tests" / "errors.json"
 """What the program says when something is wrong; a test provokes each."""
 PACKAGES = (
-    *("duobench", "duobench.envs", "duobench.policy", "duobench.evaluation", "duobench.runners"),
-    *("duobench.replay", "duobench.data", "duobench.tasks", "duobench.objects", "duobench.looks"),
-    "duobench.fabrication",
+    *(
+        "duobench",
+        "duobench.envs",
+        "duobench.policy",
+        "duobench.evaluation",
+        "duobench.evaluation.runners",
+    ),
+    *(
+        "duobench.evaluation.replay",
+        "duobench.data",
+        "duobench.tasks",
+        "duobench.world.objects",
+        "duobench.world.looks",
+    ),
+    "duobench.printing",
 )
 """Whose names are public, in the order in which people meet them."""
 OPTIONS = {

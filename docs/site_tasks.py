@@ -14,10 +14,10 @@ import prints_page
 from gallery_shots import FILM, FOLDER, camera_file
 from tables import baselines, object_states_of, table
 
+from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
 from duobench.results.entrants import AUTHORS, PAPER, WARNING, published, value_of
-from duobench.robot.cameras import OVERVIEW
 from duobench.tasks.task import Task
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.world.robot.cameras import OVERVIEW
 
 DOCS = Path(__file__).parent
 LEARNED = baselines.RESULTS

@@ -14,11 +14,18 @@ from pathlib import Path
 import numpy as np
 
 import duobench
+from duobench.core.spatial import SE3
+from duobench.core.types import POLICY_CAMERAS, SIDES
 from duobench.envs import action_labels, spaces
 from duobench.envs.action_modes import ACTION_MODES
-from duobench.objects.prop import Prop
-from duobench.objects.shapes import CIRCLE_SEGMENTS
-from duobench.objects.solid import (
+from duobench.policy.serving.vla_eval import MODES
+from duobench.results.suite import SUITES
+from duobench.tasks import catalog
+from duobench.tasks.shifts import levels
+from duobench.tasks.task import Task
+from duobench.world.objects.prop import Prop
+from duobench.world.objects.shapes import CIRCLE_SEGMENTS
+from duobench.world.objects.solid import (
     Solid,
     manifold_from,
     mass_properties,
@@ -26,14 +33,7 @@ from duobench.objects.solid import (
     placed,
     printable,
 )
-from duobench.policy.serving.vla_eval import MODES
-from duobench.results.suite import SUITES
-from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
-from duobench.shifts import levels
-from duobench.spatial import SE3
-from duobench.tasks import catalog
-from duobench.tasks.task import Task
-from duobench.types import POLICY_CAMERAS, SIDES
+from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 
 DOCS = Path(__file__).parent
 sys.path += [str(DOCS.parent / "examples" / "object_states"), str(DOCS)]

@@ -21,7 +21,7 @@ def main() -> None:
     if before is signal.default_int_handler:  # not where it is ignored, as in the background
         signal.signal(signal.SIGINT, _leave)
     if sys.platform == "win32":  # before what asks for POSIX is imported
-        from duobench.machine import unsupported
+        from duobench.core.machine import unsupported
 
         sys.exit(f"error: {unsupported()}")
     from duobench.cli import main as run

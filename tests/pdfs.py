@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from duobench.types import Array
+from duobench.core.types import Array
 
 MM = 72 / 25.4
 """Points of a PDF in a millimetre."""

@@ -1,8 +1,8 @@
 """A predicate asked one moment after another, with the memory that stages have."""
 
-from duobench.sim.simulation import Simulation
-from duobench.stages.logic import Predicate
-from duobench.stages.progress import Progress, Stage
+from duobench.tasks.stages.logic import Predicate
+from duobench.tasks.stages.progress import Progress, Stage
+from duobench.world.sim.simulation import Simulation
 
 
 class PredicateProbe:

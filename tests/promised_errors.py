@@ -16,24 +16,20 @@ from typing import Any
 import numpy as np
 
 import duobench
+from duobench.core.randomness import Choice, Uniform, around
+from duobench.core.spatial import SE3
+from duobench.core.types import Side
 from duobench.data import ExportOptions
 from duobench.envs import EnvConfig
 from duobench.evaluation.policies import PolicyChoice
-from duobench.experts.expert import find_script
-from duobench.hardware.rig import Rig
-from duobench.looks.catalog import look
-from duobench.objects.blocks import RED, block, cube
-from duobench.objects.prop import Hinge, Part, Prop, Variant
-from duobench.objects.shapes import box, hull
-from duobench.objects.solid import Solid
 from duobench.policy import make as make_policy
-from duobench.randomness import Choice, Uniform, around
-from duobench.scene.compose import compose
-from duobench.shifts import shift
-from duobench.spatial import SE3
-from duobench.stages.logic import held_for
-from duobench.stages.placing import low_over
-from duobench.stages.predicates import (
+from duobench.real.rig import Rig
+from duobench.tasks import Placement, Task, catalog
+from duobench.tasks.experts.expert import find_script
+from duobench.tasks.shifts import shift
+from duobench.tasks.stages.logic import held_for
+from duobench.tasks.stages.placing import low_over
+from duobench.tasks.stages.predicates import (
     BoxRegion,
     CylinderRegion,
     backs,
@@ -42,8 +38,12 @@ from duobench.stages.predicates import (
     still,
     upright,
 )
-from duobench.tasks import Placement, Task, catalog
-from duobench.types import Side
+from duobench.world.looks.catalog import look
+from duobench.world.objects.blocks import RED, block, cube
+from duobench.world.objects.prop import Hinge, Part, Prop, Variant
+from duobench.world.objects.shapes import box, hull
+from duobench.world.objects.solid import Solid
+from duobench.world.scene.compose import compose
 
 WORDS = Path(__file__).with_name("errors.json")
 TASK = catalog.get("bin_sort")
@@ -162,7 +162,7 @@ TRIGGERS: Mapping[str, Trigger] = {
         task(id="my_sort", expert="nowhere:script")
     ),
     "expert: misspelt script": lambda: find_script(
-        task(id="my_sort", expert="duobench.experts.scripts.bin_sort:scrpt")
+        task(id="my_sort", expert="duobench.tasks.experts.scripts.bin_sort:scrpt")
     ),
     "expert: variety": lambda: PolicyChoice.parse("expert:hmuan"),
     "environment: option": lambda: env(acton_mode="joint"),

@@ -11,6 +11,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.core.types import DuoCommand
+from duobench.core.versions import package_versions, record_versions
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.envs import (
     ActionChunks,
@@ -31,10 +33,8 @@ from duobench.results.report import write_report
 from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
-from duobench.stages.progress import ProgressState
 from duobench.tasks import catalog
-from duobench.types import DuoCommand
-from duobench.versions import package_versions, record_versions
+from duobench.tasks.stages.progress import ProgressState
 from tests.envs.number_arms import NumberArms
 
 TASK = "bin_sort"

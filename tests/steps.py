@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duobench.experts.handling import pick
-from duobench.experts.handover import Bar, clasp, let_go, pick_bar, present, receive_pose
-from duobench.experts.motion import (
+from duobench.core.spatial import SE3
+from duobench.core.types import Side
+from duobench.tasks.experts.handling import pick
+from duobench.tasks.experts.handover import Bar, clasp, let_go, pick_bar, present, receive_pose
+from duobench.tasks.experts.motion import (
     CAREFUL,
     Arms,
     Script,
@@ -25,8 +27,6 @@ from duobench.experts.motion import (
     together,
     wait,
 )
-from duobench.spatial import SE3
-from duobench.types import Side
 
 Act = Callable[[Arms], Script]
 

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.experts.motion import Arms, Script
-from duobench.kinematics.inverse import Kinematics
-from duobench.sim import placement
-from duobench.sim.layout import Layout
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.stages.logic import Predicate
-from duobench.stages.progress import Progress
+from duobench.core.spatial import SE3
+from duobench.core.types import Array, DuoCommand, Side
+from duobench.tasks.experts.motion import Arms, Script
+from duobench.tasks.stages.logic import Predicate
+from duobench.tasks.stages.progress import Progress
 from duobench.tasks.task import Task
-from duobench.types import Array, DuoCommand, Side
+from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.sim import placement
+from duobench.world.sim.layout import Layout
+from duobench.world.sim.simulation import Simulation
 from tests.predicate_probe import PredicateProbe
 
 FAST = ("hinge_chest", "transfer_cube", "bin_sort")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from duobench.machine import LAPSE_S, Awake
+from duobench.core.machine import LAPSE_S, Awake
 
 
 @pytest.fixture

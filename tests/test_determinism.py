@@ -1,8 +1,9 @@
 """An episode is a function of task and seed, bit for bit: not of cameras or of vector environments.
 
-`tests.experts.test_episodes` adds the process and what ran before: the golden episodes were played
-by another one, in another order. The number of workers is in `tests.evaluation.test_evaluate` and,
-for experts, in `tests.runners.test_demonstrations`. Other tests rely on these.
+`tests.tasks.experts.test_episodes` adds the process and what ran before: golden episodes were
+played by another one, in another order. The number of workers is in
+`tests.evaluation.test_evaluate` and, for experts, in
+`tests.evaluation.runners.test_demonstrations`. Other tests rely on these.
 """
 
 import gymnasium as gym
@@ -11,8 +12,8 @@ import pytest
 
 import duobench
 from duobench.envs.registration import env_id
-from duobench.sim.duo import HOME
-from tests.experts.baseline_episodes import SEEDS, baseline
+from duobench.world.sim.duo import HOME
+from tests.tasks.experts.baseline_episodes import SEEDS, baseline
 
 SEED, _ = SEEDS
 VECTOR_TASKS = ("bin_sort", "ball_maze")

@@ -1,4 +1,4 @@
-"""Imports point down: every room of the package may use the rooms below it and none above, and
+"""Imports point down: every wing of the package may use the wings below it and none above, and
 folders never import each other in a circle.
 
 The rules are data (`FLOORS`, `FORBIDDEN`); `violations` reads the source of a package, never runs
@@ -14,72 +14,87 @@ import pytest
 
 import duobench
 
-# Rooms from the ground up. A room may import the rooms of every line above its own here, and
-# itself; rooms of one line are siblings, which never import each other.
-FLOORS = (
-    ("errors",),
-    (
-        *("types", "randomness", "files", "machine", "references", "versions", "pages"),
-        *("lerobot_keys", "serving_thread", "settings", "sheets"),
-    ),
-    ("spatial", "backend", "video"),
-    ("robot",),
-    ("looks", "objects"),
-    ("scene",),
-    ("kinematics", "sim"),
-    ("stages",),
-    ("tasks",),
-    ("shifts",),
-    ("envs",),
-    ("experts", "data", "policy", "hardware", "fabrication", "training", "web"),
-    ("results",),
-    ("evaluation", "teleop", "interop"),
-    ("replay",),
-    ("runners", "rig_sessions"),
-    ("cli",),
-    ("__main__",),
-)
-RANK = {room: rank for rank, rooms in enumerate(FLOORS) for room in rooms}
-BASE = tuple(room for rooms in FLOORS[:3] for room in rooms)
+# Floor of each wing. A wing may import itself and those on lower floors; wings of one floor are
+# siblings, which never import each other.
+FLOORS = {
+    "core": 0,
+    "world": 1,
+    "tasks": 2,
+    "envs": 3,
+    "web": 3,
+    "policy": 4,
+    "data": 4,
+    "printing": 4,
+    "results": 5,
+    "evaluation": 6,
+    "teleop": 6,
+    "real": 7,
+    "cli": 8,
+    "__main__": 9,
+}
 
-# Modules that a room may not name, apart from what the floors already say.
+# Modules that a wing may not name, apart from what the floors already say.
 EVERYWHERE = (
-    *("torch", "jax", "tensorflow", "lerobot", "ray", "rclpy", "rospy"),
-    *("vla_eval", "vlagents", "rpyc"),
-    *("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
+    "torch",
+    "jax",
+    "tensorflow",
+    "lerobot",
+    "ray",
+    "rclpy",
+    "rospy",
+    "vla_eval",
+    "vlagents",
+    "rpyc",
+    "franky",
+    "pymodbus",
+    "serial",
+    "pyrealsense2",
+    "cv2",
 )
-# Rooms inside rooms that exist for the sake of one of them; they are imported when it is asked for.
+# Rooms that exist for the sake of one of them; they are imported when it is asked for.
 AT_HOME = {
     "duobench.policy.lerobot_model": ("torch", "lerobot"),
     "duobench.teleop.leaders.lerobot_source": ("lerobot",),
-    "duobench.hardware": ("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
-    "duobench.runners.ray_cluster": ("ray",),
-    "duobench.runners.ray_process": ("ray",),
-    "duobench.interop.vla_eval": ("vla_eval",),
-    "duobench.interop.vlagents_bridge": ("vlagents",),
+    "duobench.real": ("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
+    "duobench.evaluation.runners.ray_cluster": ("ray",),
+    "duobench.evaluation.runners.ray_process": ("ray",),
+    "duobench.evaluation.interop.vla_eval": ("vla_eval",),
+    "duobench.evaluation.interop.vlagents_bridge": ("vlagents",),
 }
 GYMNASIUM = ("gymnasium", "gym")
 FORBIDDEN = {
-    **dict.fromkeys((*BASE, "robot", "looks"), ("mujoco", *GYMNASIUM)),
-    "objects": GYMNASIUM,
-    "kinematics": GYMNASIUM,
-    "scene": (*GYMNASIUM, "mujoco.mj_step", "mujoco.mj_step1", "mujoco.mj_step2"),
-    "sim": GYMNASIUM,
-    "stages": (
-        *GYMNASIUM,
-        "duobench.randomness",
-        "duobench.sim.rendering",
+    "duobench.core": ("mujoco", *GYMNASIUM),
+    "duobench.world": GYMNASIUM,
+    "duobench.world.robot": ("mujoco",),
+    "duobench.world.looks": ("mujoco",),
+    "duobench.world.scene": ("mujoco.mj_step", "mujoco.mj_step1", "mujoco.mj_step2"),
+    "duobench.tasks": GYMNASIUM,
+    "duobench.tasks.stages": (
+        "duobench.core.randomness",
+        "duobench.world.sim.rendering",
         "numpy.random",
         "random",
         "mujoco.Renderer",
     ),
-    "tasks": ("mujoco", *GYMNASIUM),
-    "shifts": ("mujoco", *GYMNASIUM),
-    "envs": ("http", "pathlib", "requests", "shutil", "socket", "tempfile", "urllib", "websockets"),
-    "experts": ("mujoco", *GYMNASIUM),
-    "policy": ("mujoco",),
-    "training": ("mujoco", *GYMNASIUM),
-    "fabrication": ("mujoco", *GYMNASIUM, "duobench.envs", "duobench.sim.simulation"),
+    "duobench.tasks.experts": ("mujoco",),
+    "duobench.tasks.shifts": ("mujoco",),
+    "duobench.envs": (
+        "http",
+        "pathlib",
+        "requests",
+        "shutil",
+        "socket",
+        "tempfile",
+        "urllib",
+        "websockets",
+    ),
+    "duobench.policy": ("mujoco",),
+    "duobench.printing": (
+        "mujoco",
+        *GYMNASIUM,
+        "duobench.envs",
+        "duobench.world.sim.simulation",
+    ),
 }
 
 
@@ -118,23 +133,26 @@ def names_one_of(name: str, prefixes: tuple[str, ...]) -> bool:
     return any(name == prefix or name.startswith(prefix + ".") for prefix in prefixes)
 
 
-def objection(room: str, name: str, module: str = "") -> str | None:
-    """Say why code in a room may not name something, or None where it may."""
+def objection(module: str, name: str) -> str | None:
+    """Say why a module may not name something, or None where it may."""
     at_home = any(
         names_one_of(module, (home,)) and names_one_of(name, guests)
         for home, guests in AT_HOME.items()
     )
     if names_one_of(name, EVERYWHERE) and not at_home:
         return "is no dependency of the core"
-    if names_one_of(name, FORBIDDEN.get(room, ())):
-        return f"is forbidden in {room}"
+    for place, forbidden in FORBIDDEN.items():
+        if names_one_of(module, (place,)) and names_one_of(name, forbidden):
+            return f"is forbidden in {place}"
     if not names_one_of(name, ("duobench",)):
         return None
+    wing = module.split(".")[1]
     other = name.split(".")[1] if "." in name else name
-    if other not in RANK:
-        return "is no room, and the package itself stands above every room"
-    if other != room and RANK[other] >= RANK[room]:
-        return f"is a sibling of {room}" if RANK[other] == RANK[room] else f"lies above {room}"
+    if other not in FLOORS:
+        return "is no wing, and the package itself stands above every wing"
+    if other != wing and FLOORS[other] >= FLOORS[wing]:
+        is_sibling = FLOORS[other] == FLOORS[wing]
+        return f"is a sibling of {wing}" if is_sibling else f"lies above {wing}"
     return None
 
 
@@ -155,12 +173,12 @@ def violations(package: Path) -> set[str]:
     """Return one sentence for every import under a package folder that breaks a rule."""
     found = set()
     for module, (_, names) in modules_of(package).items():
-        room = module.split(".")[1]
-        if room not in RANK:
-            found.add(f"{module}: {room} has no floor")
+        wing = module.split(".")[1]
+        if wing not in FLOORS:
+            found.add(f"{module}: {wing} has no floor")
             continue
         for name in names:
-            reason = objection(room, name, module)
+            reason = objection(module, name)
             if reason is not None:
                 found.add(f"{module}: {name} {reason}")
     return found
@@ -202,42 +220,40 @@ def circles(package: Path) -> set[str]:
 
 def test_imports_of_the_package_point_down() -> None:
     package = Path(duobench.__file__).parent
-    assert len(list(package.rglob("*.py"))) > len(RANK) / 2, "the package was not found"
+    assert len(list(package.rglob("*.py"))) > len(FLOORS), "the package was not found"
     assert violations(package) == set()
 
 
 @pytest.mark.parametrize(
     ("path", "source", "complaint"),
     [
-        ("sim/a.py", "from duobench.tasks import catalog", "duobench.tasks.catalog lies above sim"),
-        ("sim/a.py", "from ..envs.spaces import x", "duobench.envs.spaces.x lies above sim"),
-        ("sim/__init__.py", "from ..envs import x", "duobench.envs.x lies above sim"),
+        ("world/sim/a.py", "from duobench.tasks import catalog", "tasks.catalog lies above world"),
+        ("world/a.py", "from ..envs.spaces import x", "duobench.envs.spaces.x lies above world"),
+        ("world/__init__.py", "from ..envs import x", "duobench.envs.x lies above world"),
         ("envs/deep/a.py", "from ...cli import x", "duobench.cli.x lies above envs"),
-        ("errors.py", "import duobench.spatial", "duobench.spatial lies above errors"),
-        ("spatial.py", "from duobench import objects", "duobench.objects lies above spatial"),
-        ("experts/a.py", "import duobench.policy", "duobench.policy is a sibling of experts"),
-        ("policy/a.py", "from duobench.experts import x", "duobench.experts.x is a sibling"),
-        ("types.py", "from duobench.randomness import x", "duobench.randomness.x is a sibling"),
-        ("randomness.py", "import mujoco", "mujoco is forbidden in randomness"),
-        ("sim/a.py", "def f():\n    import gymnasium.spaces", "gymnasium.spaces is forbidden"),
+        ("core/a.py", "from duobench.world import objects", "world.objects lies above core"),
+        ("policy/a.py", "from duobench.data import x", "duobench.data.x is a sibling of policy"),
+        ("teleop/a.py", "import duobench.evaluation", "duobench.evaluation is a sibling of teleop"),
+        ("results/a.py", "from duobench.evaluation import x", "lies above results"),
+        ("results/a.py", "from duobench.real.clock import x", "lies above results"),
+        ("core/randomness.py", "import mujoco", "mujoco is forbidden in duobench.core"),
+        ("world/a.py", "def f():\n    import gymnasium.spaces", "gymnasium.spaces is forbidden"),
         ("tasks/a.py", "if TYPE_CHECKING:\n    import gymnasium", "gymnasium is forbidden"),
-        ("scene/a.py", "import mujoco as mj\nmj.mj_step(m, d)", "mujoco.mj_step is forbidden"),
-        ("scene/a.py", "import mujoco.viewer\nmujoco.mj_step(m, d)", "mujoco.mj_step is forbidden"),
-        ("stages/a.py", "import numpy as np\nnp.random.rand()", "numpy.random.rand is forbidden"),
-        ("stages/a.py", "from duobench.sim import rendering", "sim.rendering is forbidden"),
-        ("envs/a.py", "import urllib.request", "urllib.request is forbidden in envs"),
-        ("experts/a.py", "import mujoco", "mujoco is forbidden in experts"),
-        ("experts/a.py", "from gymnasium import Env", "gymnasium.Env is forbidden in experts"),
+        ("world/scene/a.py", "import mujoco as mj\nmj.mj_step(m, d)", "mj_step is forbidden"),
+        ("world/scene/a.py", "import mujoco.viewer\nmujoco.mj_step(m, d)", "mj_step is forbidden"),
+        ("tasks/stages/a.py", "import numpy as np\nnp.random.rand()", "rand is forbidden"),
+        ("tasks/stages/a.py", "from duobench.world.sim import rendering", "sim.rendering is forb"),
+        ("envs/a.py", "import urllib.request", "urllib.request is forbidden in duobench.envs"),
+        ("tasks/experts/a.py", "import mujoco", "mujoco is forbidden in duobench.tasks.experts"),
+        ("tasks/experts/a.py", "from gymnasium import Env", "gymnasium.Env is forbidden"),
         ("cli/a.py", "import torch.nn", "torch.nn is no dependency of the core"),
         ("cli/a.py", "import_module('torch')", "torch is no dependency of the core"),
         ("policy/a.py", "import lerobot", "lerobot is no dependency of the core"),
         ("policy/lerobot_model.py", "import jax", "jax is no dependency of the core"),
         ("policy/a.py", "import vla_eval.specs", "vla_eval.specs is no dependency of the core"),
         ("policy/a.py", "import rpyc", "rpyc is no dependency of the core"),
-        ("interop/a.py", "from duobench.evaluation import x", "is a sibling of interop"),
-        ("results/a.py", "from duobench.evaluation import x", "lies above results"),
-        ("sim/a.py", "import duobench", "duobench is no room"),
-        ("sim/a.py", "from duobench import __version__", "duobench.__version__ is no room"),
+        ("world/a.py", "import duobench", "duobench is no wing"),
+        ("world/a.py", "from duobench import __version__", "duobench.__version__ is no wing"),
         ("attic/a.py", "", "attic has no floor"),
     ],
 )
@@ -253,15 +269,15 @@ def test_a_violation_is_found(tmp_path: Path, path: str, source: str, complaint:
     ("path", "source"),
     [
         ("__init__.py", "from duobench.envs import registration"),
-        ("sim/a.py", "from duobench.scene import compose\nfrom . import b\nimport mujoco"),
-        ("sim/a.py", "import duobench.errors\nraise duobench.errors.LayoutError"),
+        ("world/sim/a.py", "from duobench.world.scene import x\nfrom . import b\nimport mujoco"),
+        ("world/a.py", "import duobench.core.errors\nraise duobench.core.errors.LayoutError"),
         ("envs/a.py", "import gymnasium\nfrom ..tasks.task import Task"),
-        ("evaluation/a.py", "from duobench.experts import x\nfrom duobench.policy import y"),
-        ("scene/a.py", "import mujoco\nmujoco.mj_stepping_stone"),
-        ("stages/a.py", "import numpy as np\nnp.randomly"),
+        ("evaluation/a.py", "from duobench.tasks.experts import x\nfrom duobench.policy import y"),
+        ("world/scene/a.py", "import mujoco\nmujoco.mj_stepping_stone"),
+        ("tasks/stages/a.py", "import numpy as np\nnp.randomly"),
         ("policy/lerobot_model.py", "import torch\nfrom lerobot import policies"),
-        ("interop/vla_eval.py", "from vla_eval.specs import x\nfrom duobench.policy import y"),
-        ("interop/vlagents_bridge.py", "import vlagents\nfrom duobench.policy import y"),
+        ("evaluation/interop/vla_eval.py", "from vla_eval.specs import x"),
+        ("real/a.py", "from duobench.teleop import x\nfrom duobench.results import y"),
     ],
 )
 def test_what_is_allowed_is_not_reported(tmp_path: Path, path: str, source: str) -> None:
@@ -272,7 +288,7 @@ def test_what_is_allowed_is_not_reported(tmp_path: Path, path: str, source: str)
 
 
 def test_folders_are_walls() -> None:
-    """Every folder can be imported one way; a sub-folder is a room as well."""
+    """Every folder can be imported one way; a sub-folder is a wall as well."""
     assert circles(Path(duobench.__file__).parent) == set()
 
 
@@ -281,9 +297,10 @@ def test_a_circle_of_folders_is_found(tmp_path: Path) -> None:
     shutil.copytree(
         Path(duobench.__file__).parent, copy, ignore=shutil.ignore_patterns("*.pyc", "assets")
     )
-    (copy / "sim" / "lower").mkdir()
-    (copy / "sim" / "lower" / "__init__.py").write_text("")
-    (copy / "sim" / "lower" / "a.py").write_text("import duobench.sim.simulation\n")
-    with (copy / "sim" / "simulation.py").open("a") as file:
-        file.write("\n\ndef late():\n    from duobench.sim.lower import a\n")
-    assert {"duobench.sim", "duobench.sim.lower"} <= circles(copy)
+    sim = copy / "world" / "sim"
+    (sim / "lower").mkdir()
+    (sim / "lower" / "__init__.py").write_text("")
+    (sim / "lower" / "a.py").write_text("import duobench.world.sim.simulation\n")
+    with (sim / "simulation.py").open("a") as file:
+        file.write("\n\ndef late():\n    from duobench.world.sim.lower import a\n")
+    assert {"duobench.world.sim", "duobench.world.sim.lower"} <= circles(copy)

@@ -10,7 +10,7 @@ import pytest
 
 from dev.release import container, first_screen, interpreters
 from dev.release.stage import absolute, addresses, build, distributions, version
-from duobench.versions import __version__
+from duobench.core.versions import __version__
 from tests.test_repository import ROOT, tracked
 
 PAGES = {path.relative_to(ROOT / "docs").as_posix() for path in ROOT.glob("docs/*/*.md")}

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-import duobench
 from tests.children import printed
 
 ROOT = Path(__file__).parents[1]
@@ -29,13 +28,13 @@ SURFACE = {
         RunFolder Score Step Suite TaskInfo TaskResult TimeLimits VideoRecorder Watcher find_tasks
         open_source read_results rollout source summarize wilson_interval write_bundle write_report
     """,
-    "duobench.fabrication": """
+    "duobench.printing": """
         Foot Paper PrintChoice PrintJob PrintedPart Recipe Spot fit_coupon job_of lay_out
         layout_sheet neutral_layout outlines_of placing_jig recipe_of stl_bytes threemf_bytes
         write_prints
     """,
-    "duobench.looks": "names",
-    "duobench.objects": """
+    "duobench.world.looks": "names",
+    "duobench.world.objects": """
         BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Piece Prop
         RED Shape Solid Mesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder
         hull images_of long_block mass_properties mesh_of pieces_of printable prism ring_wall sphere
@@ -44,10 +43,10 @@ SURFACE = {
         BASELINES BatchPolicy Batching HoldPolicy Policy PolicyMetadata RandomPolicy Session
         SessionPolicy ZeroPolicy as_chunk check_fits make noise
     """,
-    "duobench.replay": """
+    "duobench.evaluation.replay": """
         Divergence Finding Verdict Verification replay verify
     """,
-    "duobench.runners": """
+    "duobench.evaluation.runners": """
         Attempt Executor LocalExecutor ProcessExecutor evaluate record
     """,
     "duobench.tasks": """
@@ -102,17 +101,19 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         importlib.import_module("duobench.tasks").Tsak  # noqa: B018 - looking is the point
 
 
-@pytest.mark.parametrize("package", ["tasks", "looks"])
-def test_a_package_that_is_called_says_what_lists_its_names(package: str) -> None:
-    with pytest.raises(TypeError, match=f"a package; {(name := f'duobench.{package}')}.names()"):
-        getattr(duobench, package)()
-    assert importlib.import_module(name).names()
+@pytest.mark.parametrize("name", ["duobench.tasks", "duobench.world.looks"])
+def test_a_package_that_is_called_says_what_lists_its_names(name: str) -> None:
+    package = importlib.import_module(name)
+    with pytest.raises(TypeError, match=rf"a package; {name}\.names\(\)"):
+        package()
+    assert package.names()
 
 
 def test_a_module_does_not_hide_the_function_of_its_name() -> None:
     code = (
-        "import duobench.evaluation.rollout, duobench.runners.evaluate\n"
-        "from duobench.evaluation import rollout; from duobench.runners import evaluate\n"
+        "import duobench.evaluation.rollout, duobench.evaluation.runners.evaluate\n"
+        "from duobench.evaluation import rollout\n"
+        "from duobench.evaluation.runners import evaluate\n"
         "print(callable(evaluate), callable(rollout))"
     )
     assert printed(code) == "True True\n"
@@ -123,19 +124,43 @@ def test_a_policy_needs_numpy_only() -> None:
 
 
 OFFERED = """
-    duobench.cli.shared.page duobench.envs.action_labels duobench.envs.duo_env
-    duobench.envs.observation_wrappers duobench.envs.protocol duobench.envs.sim_env
-    duobench.envs.spaces duobench.errors duobench.experts.expert duobench.experts.handling
-    duobench.experts.motion duobench.hardware.calibration.views duobench.hardware.clock
-    duobench.hardware.duo duobench.hardware.env duobench.hardware.opening
-    duobench.hardware.rig duobench.kinematics.inverse duobench.lerobot_keys
-    duobench.looks.look duobench.randomness duobench.results.folder
-    duobench.results.scores duobench.results.suite duobench.rig_sessions.teleop_page
-    duobench.rig_sessions.teleoperation
-    duobench.robot.frames duobench.robot.joints duobench.sim.simulation duobench.spatial
-    duobench.teleop.hands duobench.teleop.leaders.device
-    duobench.teleop.leaders.lerobot_source duobench.teleop.messages
-    duobench.types duobench.web.geometry duobench.web.messages
+    duobench.cli.shared.page
+    duobench.core.errors
+    duobench.core.lerobot_keys
+    duobench.core.randomness
+    duobench.core.spatial
+    duobench.core.types
+    duobench.envs.action_labels
+    duobench.envs.duo_env
+    duobench.envs.observation_wrappers
+    duobench.envs.protocol
+    duobench.envs.sim_env
+    duobench.envs.spaces
+    duobench.real.calibration.views
+    duobench.real.clock
+    duobench.real.duo
+    duobench.real.env
+    duobench.real.opening
+    duobench.real.rig
+    duobench.results.folder
+    duobench.results.scores
+    duobench.results.suite
+    duobench.tasks.experts.expert
+    duobench.tasks.experts.handling
+    duobench.tasks.experts.motion
+    duobench.teleop.hands
+    duobench.teleop.leaders.device
+    duobench.teleop.leaders.lerobot_source
+    duobench.teleop.messages
+    duobench.teleop.teleop_page
+    duobench.teleop.teleoperation
+    duobench.web.geometry
+    duobench.web.messages
+    duobench.world.kinematics.inverse
+    duobench.world.looks.look
+    duobench.world.robot.frames
+    duobench.world.robot.joints
+    duobench.world.sim.simulation
 """
 """Modules beside those packages that docs, examples and plugins may import from; every other one is
 private, whatever its name."""

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.types import POLICY_CAMERAS
+from duobench.core.types import POLICY_CAMERAS
 from tests.docs.markdown import modules, text_of
 from tests.test_repository import ROOT, tracked
 
@@ -103,7 +103,7 @@ def test_it_carries_everything_of_the_package(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         packed = set(archive.namelist())
     expected = {path.relative_to(ROOT / "src").as_posix() for path in tracked("src/duobench")}
-    assert "duobench/scene/robot_meshes.npz" in expected
+    assert "duobench/world/scene/robot_meshes.npz" in expected
     assert expected <= packed
     (information,) = {name.split("/")[0] for name in packed} - {"duobench", "duobench_command.py"}
     for notice in ("LICENSE", "THIRD_PARTY_NOTICES.md"):

@@ -22,8 +22,8 @@ ROOMS = (
 NEEDS_AN_ENGINE = (
     "duobench.envs.batch_env",
     "duobench.envs.sim_env",
-    "duobench.hardware.rehearsal",
-    "duobench.hardware.drivers.rehearsal",
+    "duobench.real.rehearsal",
+    "duobench.real.drivers.rehearsal",
 )
 
 IMPORT_ALL = """
@@ -31,7 +31,7 @@ import importlib
 for name in sys.argv[1:]:
     importlib.import_module(name)
 import gc
-from duobench.objects import Shape, Solid
+from duobench.world.objects import Shape, Solid
 from duobench.tasks import catalog
 for name in catalog.names():
     catalog.get(name)
@@ -60,9 +60,9 @@ print(json.dumps({
 
 REAL = """
 import numpy as np
-from duobench.hardware.clock import VirtualClock
-from duobench.hardware.env import make_real_env
-from duobench.hardware.opening import open_rig
+from duobench.real.clock import VirtualClock
+from duobench.real.env import make_real_env
+from duobench.real.opening import open_rig
 duo = open_rig("simulated", VirtualClock(), guard=False)
 env = make_real_env(duo, "bin_sort", action_mode="joint_relative", image_size=(24, 32), chunk=2)
 duo.supervisor.confirm()
@@ -132,5 +132,5 @@ def test_an_episode_on_simulated_drivers_needs_no_engine_without_guard() -> None
 
 def test_few_modules_load_mujoco() -> None:
     loading = printed(BLOCKED + LIST, *modules()).split()
-    assert "duobench.sim.simulation" in loading
+    assert "duobench.world.sim.simulation" in loading
     assert len(loading) <= MOST, loading

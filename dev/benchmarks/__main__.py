@@ -21,8 +21,8 @@ from dev.benchmarks import (
     teleoperation,
 )
 from dev.benchmarks.measure import Measurement
-from duobench.sim import rendering
 from duobench.tasks import catalog
+from duobench.world.sim import rendering
 
 PER_TASK: Mapping[str, Callable[[str], Iterator[Measurement]]] = {
     "creation": environments.measure_creation,

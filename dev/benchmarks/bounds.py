@@ -20,14 +20,14 @@ from pathlib import Path
 
 import duobench
 from dev.benchmarks.steps import Steps
+from duobench.core.randomness import SUITE_VERSION, episode_seed
 from duobench.envs.execution import ChunkExecution
 from duobench.evaluation import policies
 from duobench.evaluation.rollout import rollout
-from duobench.randomness import SUITE_VERSION, episode_seed
-from duobench.shifts import levels
-from duobench.shifts.levels import latency_steps
-from duobench.shifts.shift import ALL_AXES, LATENCY, LAYOUT, LEVELS, PHYSICS, Shift
 from duobench.tasks import catalog
+from duobench.tasks.shifts import levels
+from duobench.tasks.shifts.levels import latency_steps
+from duobench.tasks.shifts.shift import ALL_AXES, LATENCY, LAYOUT, LEVELS, PHYSICS, Shift
 
 BOUNDED = (LAYOUT, PHYSICS, LATENCY)
 """Axes that an expert meets; it sees neither images nor words."""

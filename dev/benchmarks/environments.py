@@ -18,8 +18,8 @@ from dev.benchmarks.steps import Steps
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import rollout
-from duobench.sim.duo import ramp
-from duobench.sim.simulation import STATE
+from duobench.world.sim.duo import ramp
+from duobench.world.sim.simulation import STATE
 
 SEED = 0
 """Seed of the episode that everything here is measured on."""

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import duobench
 from dev.benchmarks.environments import begin
 from dev.benchmarks.measure import Measurement, Work, seconds
+from duobench.core.types import POLICY_CAMERAS
 from duobench.envs.observation_wrappers import IMAGE_SIZE
 from duobench.envs.sim_env import sim_of
-from duobench.sim import rendering
-from duobench.types import POLICY_CAMERAS
+from duobench.world.sim import rendering
 
 MILLI = 1e-3
 

@@ -158,8 +158,8 @@ def _digest(data: bytes) -> str:
 
 def _targets(env: Any, task: str, seed: int) -> np.ndarray:
     """The actions (n, 16) of the expert's episode."""
+    from duobench.core.randomness import policy_seed
     from duobench.evaluation.policies import ExpertPolicy
-    from duobench.randomness import policy_seed
 
     observation, info = env.reset(seed=seed)
     expert = ExpertPolicy(env)

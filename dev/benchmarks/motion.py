@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import duobench
-from duobench.kinematics.inverse import Kinematics
+from duobench.core.randomness import EVAL
+from duobench.core.types import OPENING_SLOTS, SIDES, DuoCommand
 from duobench.policy import Policy
-from duobench.randomness import EVAL
-from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
-from duobench.types import OPENING_SLOTS, SIDES, DuoCommand
+from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES
 
 MAX_REVERSAL = 0.02
 """Largest reversal of an expert's joint target in radians: the smaller one of two successive

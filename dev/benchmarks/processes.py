@@ -14,10 +14,10 @@ import numpy as np
 
 from dev.benchmarks.measure import Measurement
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.runners.evaluate import evaluate
 from duobench.policy import PolicyMetadata
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners.evaluate import evaluate
 
 TASK = "bin_sort"
 CHUNK = 30

@@ -19,12 +19,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dev.benchmarks.ray_cluster import LocalCluster, local_cluster
+from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.ray_process import Cluster
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners.evaluate import evaluate
-from duobench.runners.ray_process import Cluster
 
 WORKERS = 2
 BAR = 1.10

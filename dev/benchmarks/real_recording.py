@@ -22,17 +22,17 @@ from pathlib import Path
 
 import numpy as np
 
-from duobench.backend import Image
+from duobench.core.backend import Image
+from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS, SIDES
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.data.rig import RigRecorder
-from duobench.hardware.clock import SystemClock
-from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
-from duobench.hardware.duo import FrankaDuo
-from duobench.hardware.env import make_real_env
-from duobench.hardware.rig import Rig
-from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
-from duobench.robot.joints import HOME_JOINTS
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES
+from duobench.real.clock import SystemClock
+from duobench.real.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
+from duobench.real.duo import FrankaDuo
+from duobench.real.env import make_real_env
+from duobench.real.rig import Rig
+from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.world.robot.joints import HOME_JOINTS
 
 ROOT = Path(__file__).parents[2]
 TASK = "bin_sort"

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from dev.benchmarks.measure import Measurement, Work, seconds
+from duobench.core.types import POLICY_CAMERAS
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.runners.evaluate import evaluate
 from duobench.policy import Batching, PolicyMetadata, Session, SessionPolicy
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.host import PolicyHost
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners.evaluate import evaluate
-from duobench.types import POLICY_CAMERAS
 
 MILLI = 1e-3
 FIRST_S, EACH_S = 0.25, 0.02

@@ -30,13 +30,13 @@ import duobench
 from dev.benchmarks import kernels
 from dev.benchmarks.motion import Intended, Smoothness, replay_as_poses
 from dev.benchmarks.steps import Steps
+from duobench.core.randomness import EVAL, SPLITS
+from duobench.core.types import OPENING_SLOTS
 from duobench.evaluation import policies
 from duobench.evaluation.rollout import rollout
-from duobench.experts.variety import VARIETIES
 from duobench.policy import BASELINES, HoldPolicy
-from duobench.randomness import EVAL, SPLITS
 from duobench.tasks import catalog
-from duobench.types import OPENING_SLOTS
+from duobench.tasks.experts.variety import VARIETIES
 
 OPEN_CLOSE = "open_close"
 EXPERTS = ("expert", *(f"expert:{name}" for name in VARIETIES))

@@ -26,9 +26,9 @@ from websockets.sync.client import ClientConnection, connect
 
 from dev.benchmarks.measure import Measurement
 from duobench.data import Actor, ActorKind
-from duobench.rig_sessions.teleop_page import TeleopPage, Timings
-from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
 from duobench.teleop.hands import HandDevice
+from duobench.teleop.teleop_page import TeleopPage, Timings
+from duobench.teleop.teleoperation import Teleoperation, make_recorder
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 

@@ -28,11 +28,11 @@ from rich.progress import track
 from rich.table import Table
 
 import duobench
+from duobench.core.randomness import TRAIN
+from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.experts.variety import HUMAN, NONE, VARIETIES
-from duobench.randomness import TRAIN
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, SIDES
+from duobench.tasks.experts.variety import HUMAN, NONE, VARIETIES
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dev.release.stage import ROOT
-from duobench.randomness import SUITE_VERSION
+from duobench.core.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 
 EXAMPLES = ROOT / "examples/object_states"

@@ -36,7 +36,7 @@ def version(root: Path = ROOT) -> str:
     Raises:
         SystemExit: Another one has another.
     """
-    source = (root / "src/duobench/versions.py").read_text(encoding="utf-8")
+    source = (root / "src/duobench/core/versions.py").read_text(encoding="utf-8")
     found = re.search(r'^__version__ = "(.+)"$', source, re.MULTILINE)
     assert found is not None
     for folder in distributions(root)[1:]:

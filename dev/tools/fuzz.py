@@ -35,18 +35,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import duobench
+from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.sim_env import sim_of
-from duobench.experts.expert import find_script
-from duobench.experts.motion import Arms, Script, down, grip, move, wait
-from duobench.objects.cup import HEIGHT
-from duobench.objects.solid import corner_points
-from duobench.robot.joints import VELOCITY_LIMITS
-from duobench.robot.workcell import TABLE_X, TABLE_Y
-from duobench.scene.workcell import TABLE_THICKNESS
-from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
-from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand
+from duobench.tasks.experts.expert import find_script
+from duobench.tasks.experts.motion import Arms, Script, down, grip, move, wait
+from duobench.world.objects.cup import HEIGHT
+from duobench.world.objects.solid import corner_points
+from duobench.world.robot.joints import VELOCITY_LIMITS
+from duobench.world.robot.workcell import TABLE_X, TABLE_Y
+from duobench.world.scene.workcell import TABLE_THICKNESS
+from duobench.world.sim.simulation import Simulation
 
 KEPT = Path(__file__).with_name("fuzzed")
 """Episodes that once broke."""

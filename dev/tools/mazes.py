@@ -21,8 +21,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.objects.mazes import MAZES, Direction, Maze
 from duobench.tasks.catalog import HORIZONS
+from duobench.world.objects.mazes import MAZES, Direction, Maze
 
 TILT_STEPS, CELL_STEPS = 10, 3
 """Control steps of a tilt whose longest run is one cell, or none, and of each further cell. It is a

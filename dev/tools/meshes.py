@@ -25,10 +25,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.robot.fr3_links import LINKS
-from duobench.scene.meshes import POINTS_PER_METRE
-from duobench.spatial import SE3
-from duobench.types import Array
+from duobench.core.spatial import SE3
+from duobench.core.types import Array
+from duobench.world.robot.fr3_links import LINKS
+from duobench.world.scene.meshes import POINTS_PER_METRE
 
 Faces = NDArray[np.integer]
 Mask = NDArray[np.bool_]

@@ -6,15 +6,15 @@ python -m dev.tools.renders
 import sys
 
 from duobench.cli.shared.process import load_engine
-from duobench.errors import RenderingError
-from duobench.machine import OPENGL_PACKAGES
+from duobench.core.errors import RenderingError
+from duobench.core.machine import OPENGL_PACKAGES
 
 
 def main() -> None:
     """Let a child process render an image with what would be chosen."""
     try:
         load_engine()
-        from duobench.sim.opengl import choose, probe
+        from duobench.world.sim.opengl import choose, probe
 
         is_rendered = not isinstance(probe(choose()), str)
     except RenderingError:

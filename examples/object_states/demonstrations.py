@@ -17,10 +17,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from duobench.core.errors import DataError, PolicyError
+from duobench.core.lerobot_keys import ACTION, OBJECT_STATE, STATE, feature_names
 from duobench.envs.action_labels import LABELS, find
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import DataError, PolicyError
-from duobench.lerobot_keys import ACTION, OBJECT_STATE, STATE, feature_names
 
 Rows = NDArray[np.float32]
 UNTIL = ("end", "success", "release")

@@ -23,7 +23,7 @@ from demonstrations import Demonstrations, Rows, checkpoint
 from nearest import Nearest
 from network import Network
 
-from duobench.errors import PolicyError
+from duobench.core.errors import PolicyError
 from duobench.tasks import catalog
 
 LIST = "files.sha256"

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import DataError
-from duobench.robot.frames import tool_frames
-from duobench.types import ARM_JOINTS, SIDES
+from duobench.core.errors import DataError
+from duobench.core.types import ARM_JOINTS, SIDES
+from duobench.world.robot.frames import tool_frames
 
 Rows = NDArray[np.float32]
 QUARTERS = 4

@@ -29,9 +29,9 @@ from frames import QUARTERS, bodies, frames
 from numpy.typing import NDArray
 from torch import nn
 
+from duobench.core.errors import DataError, DuoBenchError, PolicyError
+from duobench.core.types import POLICY_CAMERAS, SIDES
 from duobench.data import DataSet, ImageSource
-from duobench.errors import DataError, DuoBenchError, PolicyError
-from duobench.types import POLICY_CAMERAS, SIDES
 
 SIZE = 96
 """Height and width of images, in pixels."""

@@ -33,9 +33,9 @@ from demonstrations import (
 from frames import Frames, features, frames
 from numpy.typing import NDArray
 
-from duobench.errors import DataError, DuoBenchError, PolicyError
+from duobench.core.errors import DataError, DuoBenchError, PolicyError
+from duobench.core.types import SIDES
 from duobench.policy import PolicyMetadata
-from duobench.types import SIDES
 
 HORIZON, WIDTH, BLOCKS = 30, 256, 3
 KNOTS = (0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 29)

@@ -14,8 +14,8 @@ from typing import Any
 from demonstrations import Demonstrations
 
 from duobench.data import DataSet
+from duobench.evaluation.runners import record
 from duobench.results.suite import find_tasks
-from duobench.runners import record
 
 EXPORTED = ("--per-task", "--cameras", "none", "--object-state", "--action", "cartesian")
 

@@ -32,12 +32,12 @@ import numpy as np
 from demonstrations import UNTIL, Demonstrations
 from self_imitation import practise
 
-from duobench.errors import DuoBenchError, EvaluationError, OtherRunError, check_known
-from duobench.randomness import SUITE_VERSION
+from duobench.core.errors import DuoBenchError, EvaluationError, OtherRunError, check_known
+from duobench.core.randomness import SUITE_VERSION
+from duobench.evaluation.runners import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.scores import failed_stages, wilson_interval
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners import evaluate
 from duobench.tasks import catalog
 
 RESULTS = Path(__file__).with_name("results")

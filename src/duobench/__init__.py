@@ -4,10 +4,10 @@ Importing the package registers the environments with Gymnasium and does nothing
 Gymnasium is not installed, as on a policy's server, there is `duobench.policy` all the same.
 """
 
-import duobench.looks  # noqa: F401 - so that it is there
-from duobench.errors import DuoBenchError
+import duobench.world.looks  # noqa: F401 - so that it is there
+from duobench.core.errors import DuoBenchError
+from duobench.core.versions import __version__
 from duobench.tasks.catalog import names as task_ids
-from duobench.versions import __version__
 
 __all__ = ["DuoBenchError", "__version__", "make", "make_vec", "register", "task_ids"]
 

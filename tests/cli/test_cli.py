@@ -21,18 +21,19 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from duobench import __version__, looks
+from duobench import __version__
 from duobench.cli import main
 from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.console import console
 from duobench.cli.shared.options import command_line, options_of
 from duobench.cli.shared.spelling import check_spelling
 from duobench.cli.verbs.episodes import evaluate as eval_verb
+from duobench.core.files import decode, encode, locked
 from duobench.data import DataSet
-from duobench.files import decode, encode, locked
 from duobench.results.folder import RunFolder
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.tasks import catalog
+from duobench.world import looks
 from tests.children import printed, ran
 from tests.cli.conftest import Told, refusal
 from tests.evaluation import toy_batches, toy_tasks

@@ -9,8 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from duobench.core.spatial import SE3
 from duobench.data import Actor, ActorKind, DataSet
-from duobench.spatial import SE3
 from tests.teleop.operator import hand, message
 from tests.web.pages import TIMEOUT_S, open_page
 

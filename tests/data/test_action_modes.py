@@ -9,15 +9,15 @@ import pyarrow.parquet as pq
 import pytest
 
 import duobench
-from duobench.backend import DuoLimits
+from duobench.core.backend import DuoLimits
+from duobench.core.errors import DataError, UnknownNameError
+from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, Array
 from duobench.data import ActionSource, DataSet, ExportOptions, export_lerobot, find_problems
 from duobench.envs import DuoWrapper, action_modes, spaces
 from duobench.envs.action_modes import ActionMode
 from duobench.envs.duo_env import Transition
-from duobench.errors import DataError, UnknownNameError
 from duobench.policy.serving.message_format import ActionFormat, MessageFormat
 from duobench.policy.serving.vla_eval import action_spec
-from duobench.types import FLAT_SIZE, OPENING_SLOTS, Array
 from tests.data.tools import HORIZON, TASK, recorder
 from tests.envs.tools import wave
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.core.errors import OptionError
 from duobench.data import DataSet, Recorder, Recording
 from duobench.envs import ResetNeededError
-from duobench.errors import OptionError
 from duobench.evaluation import find_tasks
-from duobench.replay import replay
-from duobench.runners import record
+from duobench.evaluation.replay import replay
+from duobench.evaluation.runners import record
 from tests.data.tools import ended
 from tests.envs.tools import wave
 from tests.evaluation.toy_tasks import HORIZON, NUDGE

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from duobench.core.errors import DataError, OptionError
+from duobench.core.randomness import SUITE_VERSION
 from duobench.data import DataSet, export_lerobot, merge
 from duobench.data.card import PICTURES, write_data_card
 from duobench.data.lerobot.options import ExportOptions
-from duobench.errors import DataError, OptionError
-from duobench.randomness import SUITE_VERSION
-from duobench.training.training import plan_all
+from duobench.policy.training.training import plan_all
 
 NAME = "us/demos"
 

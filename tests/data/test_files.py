@@ -12,10 +12,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from duobench.core.errors import DataError, FileError, OtherRunError, OutputError
 from duobench.data import Actor, DataSet, Recording, stream
 from duobench.data.schema import COLUMNS, INFO_KEY
 from duobench.data.stream import BATCH_ROWS, recover
-from duobench.errors import DataError, FileError, OtherRunError, OutputError
 from tests.data.tools import TASK, child_of, ended, equal, only, play, recorded, recorder, room
 from tests.envs.tools import wave
 from tests.evaluation.processes import wait_until

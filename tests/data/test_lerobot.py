@@ -14,6 +14,16 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from duobench.core.errors import (
+    DataError,
+    OptionError,
+    OtherRunError,
+    OutputError,
+    RenderingError,
+    UnknownNameError,
+)
+from duobench.core.files import locked
+from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.arrange import merge
 from duobench.data.images import plain_view, resized
@@ -23,18 +33,8 @@ from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Format, Pairing
 from duobench.data.schema import Domain
 from duobench.envs.state_labels import StatePart
-from duobench.errors import (
-    DataError,
-    OptionError,
-    OtherRunError,
-    OutputError,
-    RenderingError,
-    UnknownNameError,
-)
-from duobench.files import locked
-from duobench.rig_sessions.cameras import view_of
-from duobench.training.training import plan_all
-from duobench.types import POLICY_CAMERAS
+from duobench.policy.training.training import plan_all
+from duobench.real.canonical import view_of
 from tests.data.conftest import EPISODES, LENGTHS
 from tests.data.real.number_duo import (
     SIZE,

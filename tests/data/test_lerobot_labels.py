@@ -11,6 +11,9 @@ import pytest
 
 import duobench
 from duobench.cli import main
+from duobench.core.errors import ActionError, DataError, PolicyError, SeveralTasksError
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.spatial import SE3, product
 from duobench.data import ActionSource, DataSet, ExportOptions, Recording, export_lerobot
 from duobench.data.arrange import merge
 from duobench.data.lerobot.actions import labels_of
@@ -18,10 +21,7 @@ from duobench.data.lerobot.folder import ExportFolder
 from duobench.envs import action_labels
 from duobench.envs.action_labels import LABELS, POSE_LABELS, rotations_from_columns
 from duobench.envs.config import LAYOUT
-from duobench.errors import ActionError, DataError, PolicyError, SeveralTasksError
 from duobench.policy import lerobot_checkpoint as labels
-from duobench.randomness import SUITE_VERSION
-from duobench.spatial import SE3, product
 from tests.data.conftest import EPISODES
 from tests.data.tools import HORIZON, TASK, recorder
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from duobench.core.errors import DataError, OtherRunError, UnknownNameError
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.arrange import merge
 from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import PER_EPISODE, ExportOptions
-from duobench.errors import DataError, OtherRunError, UnknownNameError
-from duobench.looks.catalog import random_look
+from duobench.world.looks.catalog import random_look
 from tests.data.conftest import EPISODES
 from tests.data.real.number_duo import SIZE
 from tests.data.test_lerobot import MIN_PSNR_DB, files, frames

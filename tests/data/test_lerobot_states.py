@@ -11,6 +11,7 @@ import pytest
 
 import duobench
 from duobench.cli import main
+from duobench.core.errors import OtherRunError
 from duobench.data import DataSet
 from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.folder import ExportFolder
@@ -18,7 +19,6 @@ from duobench.data.lerobot.options import ExportOptions, Pairing
 from duobench.envs import state_labels
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.envs.state_labels import StatePart
-from duobench.errors import OtherRunError
 from tests.data.tools import HORIZON, TASK
 
 TOOLS, SPEEDS = StatePart.TCP_POSE, StatePart.JOINT_VELOCITY

@@ -9,6 +9,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from duobench.core.errors import OtherRunError, UnknownNameError
+from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet
 from duobench.data.lerobot import v21
 from duobench.data.lerobot.export import export_lerobot
@@ -16,8 +18,6 @@ from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.envs.action_labels import LABELS
 from duobench.envs.state_labels import StatePart
-from duobench.errors import OtherRunError, UnknownNameError
-from duobench.types import POLICY_CAMERAS
 from tests.data.conftest import EPISODES
 from tests.data.test_lerobot import files
 from tests.data.tools import HORIZON, TASK

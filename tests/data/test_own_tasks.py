@@ -10,10 +10,10 @@ import pytest
 
 import duobench
 from duobench.cli import main
+from duobench.core.errors import DataError, ForeignTaskError, OptionError, UnknownNameError
 from duobench.data import Actor, DataSet, Recorder, Recording, find_problems, summarize
 from duobench.data.card import write_data_card
-from duobench.errors import DataError, ForeignTaskError, OptionError, UnknownNameError
-from duobench.replay.sources import open_view
+from duobench.evaluation.replay.sources import open_view
 from duobench.tasks import catalog
 from tests.envs.tools import wave
 

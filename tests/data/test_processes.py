@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from duobench.core.errors import DataError, UnknownNameError
 from duobench.data.processes import run_all
-from duobench.errors import DataError, UnknownNameError
 from tests.evaluation.processes import children, is_running, wait_until
 
 

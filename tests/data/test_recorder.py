@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.core.errors import ActionError, DataError, OutputError, SimulationError
+from duobench.core.types import DuoCommand
 from duobench.data import Actor, DataSet, Outcome, Recorder, Recording, stream
 from duobench.data.recorder import UNDECIDED
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.action_wrappers import CartesianActions
 from duobench.envs.episode_state import EpisodeState
-from duobench.errors import ActionError, DataError, OutputError, SimulationError
 from duobench.tasks import catalog
-from duobench.types import DuoCommand
 from tests.data.tools import HORIZON, TASK, ended, only, play, recorded, recorder
 from tests.envs.tools import wave
 

@@ -8,9 +8,9 @@ import pytest
 
 import duobench
 from duobench.cli import main
+from duobench.core.errors import DataError, OptionError
 from duobench.data import DataSet, ImageSource, Recording, find_problems
-from duobench.errors import DataError, OptionError
-from duobench.replay import replay
+from duobench.evaluation.replay import replay
 from duobench.tasks import catalog
 from tests.data.tools import TASK, only, recorded, recorder
 from tests.envs.tools import wave

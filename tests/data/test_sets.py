@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from duobench.cli import main
+from duobench.core.errors import DataError, NamesTakenError, OutputError, UnknownNameError
+from duobench.core.files import locked
+from duobench.core.types import POLICY_CAMERAS
 from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.data.arrange import merge, split
 from duobench.data.check import find_problems
 from duobench.data.page import write_page
 from duobench.data.schema import video_path
 from duobench.data.summary import Smoothness, summarize
-from duobench.errors import DataError, NamesTakenError, OutputError, UnknownNameError
-from duobench.files import locked
 from duobench.tasks import catalog
-from duobench.types import POLICY_CAMERAS
 from tests.data.conftest import EPISODES, LENGTHS
 from tests.data.real.number_duo import numbers_in, play_real, real_recorder
 from tests.data.tools import HORIZON, TASK, ended, recorded

@@ -25,7 +25,7 @@ RUN_BY = {
     "verification: sh python",
     "tests/ecosystem/test_pages.py": "environments: python; reinforcement_learning: python",
     "tests/evaluation/test_hosting.py": "hosting: bash",
-    "tests/interop/test_vla_eval.py": "serving: yaml",
+    "tests/evaluation/interop/test_vla_eval.py": "serving: yaml",
     "tests/examples/test_object_states.py": "baselines: sh",
     "tests/lerobot/test_pages.py": "lerobot: sh python; parquet: python",
     "tests/lerobot/test_teleoperation.py": "lerobot_teleoperation: sh",

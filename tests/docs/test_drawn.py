@@ -23,12 +23,12 @@ import pytest
 import replays
 from PIL import Image, ImageSequence
 
-from duobench.fabrication.details import details
-from duobench.looks.catalog import LOOKS, look
-from duobench.robot.cameras import OVERVIEW
-from duobench.scene.compose import compose
+from duobench.core.types import POLICY_CAMERAS
+from duobench.printing.details import details
 from duobench.tasks import catalog
-from duobench.types import POLICY_CAMERAS
+from duobench.world.looks.catalog import LOOKS, look
+from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.scene.compose import compose
 from tests.docs.markdown import DOCS, ROOT, blocks, links, page_of, run, run_python, text_of
 from tests.golden import episodes
 

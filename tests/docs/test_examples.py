@@ -18,24 +18,23 @@ from tables import printed
 
 import duobench
 from dev.benchmarks import bounds
-from duobench import interop
 from duobench.cli import main
-from duobench.evaluation import Step, rollout
+from duobench.core.randomness import SUITE_VERSION
+from duobench.evaluation import Step, interop, rollout
+from duobench.evaluation.replay.sources import LAYOUTS
 from duobench.policy import Batching, BatchPolicy, SessionPolicy, make
 from duobench.policy.lerobot_checkpoint import LAST, Address, parse
 from duobench.policy.serving.message_format import read_format
-from duobench.randomness import SUITE_VERSION
-from duobench.replay.sources import LAYOUTS
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
 from duobench.results.suite import SUITES
-from duobench.shifts import levels
-from duobench.shifts.shift import AXES, LEVELS
 from duobench.tasks import catalog
+from duobench.tasks.shifts import levels
+from duobench.tasks.shifts.shift import AXES, LEVELS
 from tests.docs.markdown import attend, blocks, modules, page_of, run, table, text_of
+from tests.policy.training.test_training import export
 from tests.results.outcomes import play
-from tests.training.test_training import export
 from tests.web.pages import Page
 
 COMPARISON, LEROBOT, POLICIES, PRINTING, ROBUSTNESS, SCALE, SERVING, VIEWING = (

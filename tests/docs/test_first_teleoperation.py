@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from duobench.core.types import CONTROL_HZ, Array
 from duobench.data import Actor, ActorKind, DataSet, find_problems
-from duobench.objects.blocks import LONG_BLOCK
-from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.teleop.messages import Discard, Keep
-from duobench.types import CONTROL_HZ, Array
+from duobench.teleop.teleoperation import TeleopState
+from duobench.world.objects.blocks import LONG_BLOCK
 from tests.docs.markdown import page_of, text_of
 from tests.teleop.keyboard import Keyboard, seen
 from tests.teleop.paging import lockstep_session

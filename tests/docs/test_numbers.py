@@ -12,21 +12,26 @@ import pytest
 
 from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.options import options_of
+from duobench.core.sheets import Paper
+from duobench.core.types import CONTROL_HZ
 from duobench.envs.config import IMAGE_SIZE
-from duobench.fabrication import coupon, jig, recipe
-from duobench.fabrication.formats import BED_STEP
-from duobench.hardware.calibration import places
-from duobench.hardware.calibration.board import RULER_MM
-from duobench.hardware.cell import Workspace
-from duobench.hardware.doctor.examine import (
+from duobench.evaluation.replay.sources import LAYOUTS
+from duobench.evaluation.replay.verify import Verdict
+from duobench.evaluation.replay.viewer import MAX_ITEMS
+from duobench.printing import coupon, jig, recipe
+from duobench.printing.formats import BED_STEP
+from duobench.real.calibration import places
+from duobench.real.calibration.board import RULER_MM
+from duobench.real.cell import Workspace
+from duobench.real.doctor.examine import (
     LARGEST_SHIFT_PX,
     LEAST_RATE,
     LEAST_SUCCESS,
     LONGEST_ANSWER_S,
 )
-from duobench.hardware.drivers import frames, robotiq
-from duobench.hardware.guard import FINGER_MARGIN, MARGIN, PROP_MARGIN, TABLE_DEPTH
-from duobench.hardware.rig import (
+from duobench.real.drivers import frames, robotiq
+from duobench.real.guard import FINGER_MARGIN, MARGIN, PROP_MARGIN, TABLE_DEPTH
+from duobench.real.rig import (
     DAMPING_RATIOS,
     JOINT_TORQUES,
     MAX_FORCE,
@@ -35,23 +40,18 @@ from duobench.hardware.rig import (
     CameraDriver,
     GripperConfig,
 )
-from duobench.hardware.watchdog import STOP_AFTER_S
-from duobench.objects import chest, hexagon_peg, joint_blocks, shapes
-from duobench.replay.sources import LAYOUTS
-from duobench.replay.verify import Verdict
-from duobench.replay.viewer import MAX_ITEMS
+from duobench.real.sessions.cameras import FILM_RATE
+from duobench.real.sessions.status_page import SILENCE_S
+from duobench.real.sessions.trials import TrialsSession
+from duobench.real.watchdog import STOP_AFTER_S
 from duobench.results.leaderboard import EPISODES
 from duobench.results.suite import Suite, find_tasks
-from duobench.rig_sessions.cameras import FILM_RATE
-from duobench.rig_sessions.status_page import SILENCE_S
-from duobench.rig_sessions.trials import TrialsSession
-from duobench.robot.workcell import FLOOR_Z
-from duobench.scene.compose import SUBSTEPS
-from duobench.sheets import Paper
-from duobench.sim.placement import REACH_X, REACH_Y
-from duobench.types import CONTROL_HZ
 from duobench.web.messages import MAX_MESSAGE
 from duobench.web.server import MAX_PEERS
+from duobench.world.objects import chest, hexagon_peg, joint_blocks, shapes
+from duobench.world.robot.workcell import FLOOR_Z
+from duobench.world.scene.compose import SUBSTEPS
+from duobench.world.sim.placement import REACH_X, REACH_Y
 from tests.docs.markdown import PAGES, page_of, table, text_of
 
 

@@ -15,18 +15,18 @@ import site_tasks
 from tables import TABLES, written
 
 import duobench
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
 from duobench.data.schema import SCHEMA
 from duobench.envs.duo_env import base_of
 from duobench.envs.registration import VERSION
 from duobench.policy import PolicyMetadata
-from duobench.randomness import SUITE_VERSION
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.results.report import SUMMARY_SCHEMA
 from duobench.results.run import RUN_SCHEMA, TimeLimits
-from duobench.robot.joints import HOME_JOINTS
-from duobench.scene.compose import SUBSTEPS
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.scene.compose import SUBSTEPS
 from tests.docs.markdown import DOCS, PAGES, ROOT, blocks, links, page_of, table, tables, text_of
 
 STAGES, FRAMES, EVALUATION, POLICIES = (

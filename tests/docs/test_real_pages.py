@@ -15,10 +15,10 @@ import pytest
 from duobench.cli import main
 from duobench.cli.real.rigs import KeyTerminal
 from duobench.data import DataSet
-from duobench.hardware.calibration.views import ViewFolder
-from duobench.hardware.rig import ArmConfig, Rig
+from duobench.real.calibration.views import ViewFolder
+from duobench.real.rig import ArmConfig, Rig
 from tests.docs.markdown import attend, blocks, command, page_of, run, run_python, table, text_of
-from tests.rig_sessions.operator import Operator
+from tests.real.sessions.operator import Operator
 from tests.web.pages import Page
 
 ARMS, CAMERAS, EVALUATION, RECORDING, SAFETY, SETUP = (

@@ -12,18 +12,18 @@ import pytest
 
 import duobench
 from dev.benchmarks import warp as benchmark
+from duobench.core.errors import OptionError, SimulationError
 from duobench.envs import sim_of
 from duobench.envs.batch_env import BatchEnv
-from duobench.errors import OptionError, SimulationError
-from duobench.objects.blocks import RED
-from duobench.objects.prop import Prop, Variant
-from duobench.objects.shapes import sphere
-from duobench.objects.solid import Solid
-from duobench.sim import warp_batch
-from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
+from duobench.world.objects.blocks import RED
+from duobench.world.objects.prop import Prop, Variant
+from duobench.world.objects.shapes import sphere
+from duobench.world.objects.solid import Solid
+from duobench.world.sim import warp_batch
+from duobench.world.sim.simulation import Simulation
 from tests.envs.tools import make_small, vectors, waves
-from tests.experts.baseline_episodes import SEEDS, baseline
+from tests.tasks.experts.baseline_episodes import SEEDS, baseline
 
 COUNT, SEED, STEPS = 2, 3, 4
 NEAR = 1e-3

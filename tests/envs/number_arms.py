@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from duobench.backend import DuoLimits, Image
-from duobench.robot.frames import tcp_poses
-from duobench.robot.joints import HOME_JOINTS
-from duobench.types import DuoCommand, DuoState
+from duobench.core.backend import DuoLimits, Image
+from duobench.core.types import DuoCommand, DuoState
+from duobench.world.robot.frames import tcp_poses
+from duobench.world.robot.joints import HOME_JOINTS
 
 
 class NumberArms:

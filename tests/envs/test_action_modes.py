@@ -6,6 +6,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from duobench.core.errors import ActionError
+from duobench.core.spatial import SE3, rotation_about
+from duobench.core.types import SIDES, Side
 from duobench.envs import (
     ACTION_MODES,
     CartesianActions,
@@ -13,12 +16,9 @@ from duobench.envs import (
     RelativeJointActions,
 )
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import ActionError
-from duobench.kinematics.inverse import Kinematics
-from duobench.robot.joints import JOINT_RANGES, SERVO_LAG, VELOCITY_LIMITS
-from duobench.spatial import SE3, rotation_about
 from duobench.tasks import catalog
-from duobench.types import SIDES, Side
+from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.joints import JOINT_RANGES, SERVO_LAG, VELOCITY_LIMITS
 from tests.envs.tools import TASK, Make, equal, sim_of, waves
 
 OPENINGS = [7, 15]

@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from duobench.core.types import DuoCommand
 from duobench.envs import (
     ActionChunks,
     BinaryGripper,
@@ -21,9 +22,8 @@ from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, ResetNeededError
 from duobench.evaluation.rollout import Step, rollout
 from duobench.policy.baselines import HoldPolicy
-from duobench.robot.joints import HOME_JOINTS
 from duobench.tasks import catalog
-from duobench.types import DuoCommand
+from duobench.world.robot.joints import HOME_JOINTS
 from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, wave
 from tests.real_episode import Person

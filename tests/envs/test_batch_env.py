@@ -15,30 +15,30 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import duobench
-from duobench.envs.batch_env import BatchEnv
-from duobench.errors import (
+from duobench.core.errors import (
     ActionError,
     DuoBenchError,
     OptionError,
     SimulationError,
     UnknownNameError,
 )
-from duobench.objects.blocks import RED
-from duobench.objects.cup import square_mark
-from duobench.objects.prop import Prop
-from duobench.randomness import around
-from duobench.sim import simulation, thread_batch
-from duobench.stages.logic import Predicate, held_for, since
-from duobench.stages.predicates import touches
-from duobench.stages.progress import Stage
+from duobench.core.randomness import around
+from duobench.core.types import SIDES
+from duobench.envs.batch_env import BatchEnv
 from duobench.tasks import catalog, object_state
 from duobench.tasks.object_state import Numbers
+from duobench.tasks.stages.logic import Predicate, held_for, since
+from duobench.tasks.stages.predicates import touches
+from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Placement
-from duobench.types import SIDES
+from duobench.world.objects.blocks import RED
+from duobench.world.objects.cup import square_mark
+from duobench.world.objects.prop import Prop
+from duobench.world.sim import simulation, thread_batch
 from tests.envs.test_vector import one_of
 from tests.envs.tools import TASK, equal, make_small, vectors, waves
-from tests.experts.baseline_episodes import SEEDS, baseline
 from tests.task_harness import marked
+from tests.tasks.experts.baseline_episodes import SEEDS, baseline
 
 COUNT, SEED = 2, 11
 SAME = ("stage", "max_stage", "success", "is_success", "success_at_end", "clipped", "sent")

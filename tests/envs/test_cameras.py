@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from duobench.types import POLICY_CAMERAS
+from duobench.core.types import POLICY_CAMERAS
 from tests.children import printed
 from tests.envs.tools import Make, wave, waves
 

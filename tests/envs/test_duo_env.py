@@ -9,21 +9,21 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from duobench.core.errors import ActionError, DuoBenchError, LayoutError, SimulationError
+from duobench.core.randomness import Choice
+from duobench.core.spatial import SE3
+from duobench.core.types import ARM_JOINTS, CONTROL_HZ, SIDE_SIZE, SIDES
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.sim_env import SimEnv
 from duobench.envs.spaces import REACH
-from duobench.errors import ActionError, DuoBenchError, LayoutError, SimulationError
-from duobench.objects.prop import Prop, Variant
-from duobench.objects.shapes import box
-from duobench.objects.solid import Solid
-from duobench.randomness import Choice
-from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
-from duobench.scene.naming import tcp_name
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDE_SIZE, SIDES
+from duobench.world.objects.prop import Prop, Variant
+from duobench.world.objects.shapes import box
+from duobench.world.objects.solid import Solid
+from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.world.scene.naming import tcp_name
+from duobench.world.sim.layout import Layout
 from tests.envs.tools import TASK, equal, wave, waves
 
 OPENINGS = [7, 15]

@@ -1,6 +1,6 @@
 """A saved state is the whole state: what comes after it is the same to the last bit.
 
-Whole episodes of experts are in `tests.experts.test_episodes`.
+Whole episodes of experts are in `tests.tasks.experts.test_episodes`.
 """
 
 from dataclasses import replace
@@ -10,10 +10,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from duobench.core.errors import LayoutError, SimulationError
 from duobench.envs import CartesianActions, RelativeCartesianActions, TimeLimit
 from duobench.envs.episode_state import StateError
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import LayoutError, SimulationError
 from duobench.tasks import catalog
 from tests.envs.tools import TASK, Make, equal, waves
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 
+from duobench.core.errors import PolicyError
 from duobench.envs import FlatObservations, sim_of
-from duobench.errors import PolicyError
 from duobench.evaluation import rollout
 from duobench.policy import HoldPolicy
 from tests.envs.tools import TASK, Make, equal, waves

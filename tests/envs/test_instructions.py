@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import OptionError
-from duobench.sim.layout import Layout
+from duobench.core.errors import OptionError
 from duobench.tasks import catalog
+from duobench.world.sim.layout import Layout
 from tests.envs.tools import Make, sim_of, wave
 
 TASK = catalog.get("pour_marbles")  # its instructions name variants

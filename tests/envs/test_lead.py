@@ -8,10 +8,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from duobench.core.types import SIDES
 from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
-from duobench.robot.joints import SERVO_LAG, VELOCITY_LIMITS, duo_limits
-from duobench.types import SIDES
+from duobench.world.robot.joints import SERVO_LAG, VELOCITY_LIMITS, duo_limits
 from tests.envs.tools import make_small, vectors
 
 STEPS, HOLD, FREE_STEPS = 240, 10, 20

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.looks.catalog import look
-from duobench.looks.look import Look
+from duobench.world.looks.catalog import look
+from duobench.world.looks.look import Look
 from tests.envs.tools import Make, sim_of, wave
 
 SIZE = (24, 32)

@@ -17,6 +17,13 @@ import pytest
 from gymnasium.wrappers import FlattenObservation
 
 import duobench
+from duobench.core.errors import (
+    DuoBenchError,
+    LayoutError,
+    OptionError,
+    RenderingError,
+    UnknownNameError,
+)
 from duobench.envs import (
     ActionChunks,
     Cameras,
@@ -30,15 +37,8 @@ from duobench.envs import (
 from duobench.envs.config import EnvConfig
 from duobench.envs.protocol import make_env
 from duobench.envs.registration import EnvOptions
-from duobench.errors import (
-    DuoBenchError,
-    LayoutError,
-    OptionError,
-    RenderingError,
-    UnknownNameError,
-)
-from duobench.looks.catalog import look
 from duobench.tasks import Task, catalog
+from duobench.world.looks.catalog import look
 from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, sim_of
 

@@ -10,13 +10,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from duobench.core.randomness import Uniform
 from duobench.envs import sim_of
-from duobench.objects import cup
-from duobench.objects.maze_board import cell_centre
-from duobench.objects.mazes import CELLS, MAZES, Direction, Segment
-from duobench.randomness import Uniform
-from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
+from duobench.world.objects import cup
+from duobench.world.objects.maze_board import cell_centre
+from duobench.world.objects.mazes import CELLS, MAZES, Direction, Segment
+from duobench.world.sim.simulation import Simulation
 from tests.envs.tools import Make, equal, waves
 
 SPEED, OPENED = 0.5, 0.7

@@ -10,9 +10,9 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 import duobench
+from duobench.core.errors import DuoBenchError, OptionError
 from duobench.envs import ActionChunks, ResetNeededError
 from duobench.envs.registration import env_id
-from duobench.errors import DuoBenchError, OptionError
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.tasks.task import Task

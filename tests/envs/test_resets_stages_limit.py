@@ -10,18 +10,24 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from duobench.core.errors import (
+    ActionError,
+    DuoBenchError,
+    LayoutError,
+    OptionError,
+    UnknownNameError,
+)
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, Array
 from duobench.envs import RandomizedReset, TaskStages, TimeLimit
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import ActionError, DuoBenchError, LayoutError, OptionError, UnknownNameError
-from duobench.sim import placement
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
-from duobench.stages.logic import all_of, any_of
-from duobench.stages.predicates import touching
-from duobench.stages.progress import LOST_SECONDS, Stage
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, Array
+from duobench.tasks.stages.logic import all_of, any_of
+from duobench.tasks.stages.predicates import touching
+from duobench.tasks.stages.progress import LOST_SECONDS, Stage
+from duobench.world.sim import placement
+from duobench.world.sim.layout import Layout
 from tests.envs.tools import TASK, Make, equal, make_small, sim_of, wave
 
 

@@ -1,6 +1,6 @@
 """What a step pays: with "progress" finishing returns more than waiting, with "stage" it does not.
 
-That environments pay it in whole episodes of every task is in `tests.experts.test_episodes`.
+That environments pay it in whole episodes of every task is in `tests.tasks.experts.test_episodes`.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.core.errors import UnknownNameError
 from duobench.envs import TaskStages
 from duobench.envs.rewards import PROGRESS, REWARDS, STAGE, reward_of
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import UnknownNameError
 from duobench.tasks import catalog
 from tests.envs.test_resets_stages_limit import AWAY, LYING, begin
 from tests.envs.tools import TASK, Make, equal, waves

@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
+from duobench.core.errors import OptionError, UnknownNameError
+from duobench.core.types import POLICY_CAMERAS
 from duobench.envs.config import EnvConfig
-from duobench.errors import OptionError, UnknownNameError
-from duobench.shifts.shift import Shift
-from duobench.types import POLICY_CAMERAS
+from duobench.tasks.shifts.shift import Shift
 from tests.envs.tools import Make, arrays, equal, make_small, sim_of
 
 TASK, SEED, STEPS = "spring_door", 5, 12

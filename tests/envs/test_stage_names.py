@@ -6,10 +6,12 @@ from typing import Any
 import pytest
 
 import duobench
-from duobench.errors import LayoutError, UnknownNameError
-from duobench.stages import predicates
-from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
-from duobench.stages.predicates import (
+from duobench.core.errors import LayoutError, UnknownNameError
+from duobench.core.types import Side
+from duobench.tasks import Task, catalog
+from duobench.tasks.stages import predicates
+from duobench.tasks.stages.logic import Predicate, all_of, any_of, held_for, since
+from duobench.tasks.stages.predicates import (
     grasped,
     hinge_open,
     raised,
@@ -18,8 +20,6 @@ from duobench.stages.predicates import (
     still,
     variant,
 )
-from duobench.tasks import Task, catalog
-from duobench.types import Side
 from tests.envs.tools import TASK
 
 

@@ -12,10 +12,10 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 import duobench
+from duobench.core.types import DuoCommand
 from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
-from duobench.robot.joints import HOME_JOINTS
-from duobench.types import DuoCommand
+from duobench.world.robot.joints import HOME_JOINTS
 
 __all__ = [
     "TASK",

@@ -9,10 +9,10 @@ import pytest
 
 from dev.benchmarks.kills import begun_once
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.runners.evaluate import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
 from tests.results.samples import without_times
 

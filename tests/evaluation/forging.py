@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from duobench.files import CHECKSUM, checksum
+from duobench.core.files import CHECKSUM, checksum
+from duobench.core.types import Array
 from duobench.results.folder import RunFolder
 from duobench.results.records import pack_targets, unpack_targets
-from duobench.types import Array
 
 Document = dict[str, Any]
 Edit = Callable[[Document], None]

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from duobench.cli import main
-from duobench.replay.verify import Verdict, verify
+from duobench.evaluation.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, write_bundle
 from duobench.results.compare import compare, write_comparison
 from duobench.results.folder import RunFolder

@@ -5,7 +5,7 @@ from pathlib import Path
 import av
 import pytest
 
-from duobench.errors import (
+from duobench.core.errors import (
     DuoBenchError,
     EvaluationError,
     GoneError,
@@ -13,11 +13,11 @@ from duobench.errors import (
     PolicyError,
     UnknownNameError,
 )
+from duobench.evaluation.runners.evaluate import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.journal import PARTS, Begun, Ended
 from duobench.results.run import TimeLimits
 from duobench.results.suite import find_tasks
-from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import assert_same_episodes, compared, small_suite, without_policy
 from tests.results.samples import key

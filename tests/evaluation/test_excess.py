@@ -10,7 +10,7 @@ from duobench.policy import HoldPolicy, PolicyMetadata
 from duobench.results.excess import FAST
 from duobench.results.report import read_parts
 from duobench.results.suite import find_tasks
-from duobench.robot.joints import JOINT_RANGES
+from duobench.world.robot.joints import JOINT_RANGES
 
 GRIPPERS = [7, 15]
 JOINTS = np.delete(np.arange(16), GRIPPERS)

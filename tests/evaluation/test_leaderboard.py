@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
+from duobench.core.errors import EvaluationError
+from duobench.core.files import CHECKSUM, checksum, zipped
 from duobench.data.processes import Progress
-from duobench.errors import EvaluationError
-from duobench.files import CHECKSUM, checksum, zipped
-from duobench.replay import leaderboard
-from duobench.replay.leaderboard import make_leaderboard
+from duobench.evaluation.replay import leaderboard
+from duobench.evaluation.replay.leaderboard import make_leaderboard
 from duobench.results import leaderboard as results_leaderboard
 from duobench.results.bundle import write_bundle
 from duobench.results.folder import RunFolder

@@ -5,16 +5,16 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import EvaluationError
+from duobench.core.errors import EvaluationError
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.replay.verify import Verdict, verify
 from duobench.policy import Batching
-from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
 from duobench.results.report import read_parts
 from duobench.results.run import Shard, TimeLimits
 from duobench.results.suite import find_tasks
-from duobench.shifts.shift import NO_SHIFT, Shift
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import small_suite
 

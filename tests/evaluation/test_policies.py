@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from dev.benchmarks.steps import Steps
-from duobench.errors import PolicyError, UnknownNameError
+from duobench.core.errors import PolicyError, UnknownNameError
 from duobench.evaluation.episode import EpisodeRunner, Job
 from duobench.evaluation.policies import BlindPolicy, PolicyChoice, PolicySource, source
 from duobench.evaluation.rollout import rollout
 from duobench.policy import HoldPolicy
 from duobench.results.suite import Episode, Suite, find_tasks
-from tests.experts.baseline_episodes import make
+from tests.tasks.experts.baseline_episodes import make
 
 TASKS = ("bin_sort", "carry_pot")
 

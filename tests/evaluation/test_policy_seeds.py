@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from duobench.core.randomness import TRAIN, policy_seed
 from duobench.data import DataSet, Recording
 from duobench.evaluation.policies import PolicyChoice
+from duobench.evaluation.runners.evaluate import evaluate, record as record_demonstrations
 from duobench.policy import HoldPolicy, Session
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import VLLM_PATH
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.message_format import MessageFormat
-from duobench.randomness import TRAIN, policy_seed
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import find_tasks
-from duobench.runners.evaluate import evaluate, record as record_demonstrations
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import small_suite
 from tests.evaluation.toy_tasks import WAVE_NAME, seed_of

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.core.errors import PolicyTimeoutError
+from duobench.core.files import decode, encode
+from duobench.core.randomness import episode_seed, policy_seed
+from duobench.core.versions import package_versions, record_versions
 from duobench.envs.config import EnvConfig
 from duobench.envs.registration import make as make_env
-from duobench.errors import PolicyTimeoutError
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import rollout
-from duobench.files import decode, encode
 from duobench.policy import PolicyMetadata, RandomPolicy, make
-from duobench.randomness import episode_seed, policy_seed
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord, StateHashes
 from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.suite import Episode, Suite, find_tasks
-from duobench.versions import package_versions, record_versions
 from tests.evaluation import toy_tasks
 from tests.results.samples import key
 

@@ -4,12 +4,12 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from duobench.errors import OtherRunError
-from duobench.replay.verify import Verdict, verify
+from duobench.core.errors import OtherRunError
+from duobench.evaluation.replay.verify import Verdict, verify
+from duobench.evaluation.runners.evaluate import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.report import read_parts
-from duobench.runners.evaluate import evaluate
-from duobench.shifts.shift import NO_SHIFT, SINGLE_AXES, Shift
+from duobench.tasks.shifts.shift import NO_SHIFT, SINGLE_AXES, Shift
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import small_suite
 

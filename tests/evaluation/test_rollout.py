@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.core.errors import OptionError, OtherRunError, PolicyError
+from duobench.core.randomness import SPLITS, episode_seed, policy_seed
 from duobench.envs import action_modes
 from duobench.envs.execution import MAX_LATENCY, ChunkExecution, Step
-from duobench.errors import OptionError, OtherRunError, PolicyError
+from duobench.evaluation.replay.verify import Verdict, verify
 from duobench.evaluation.rollout import rollout
 from duobench.policy import HoldPolicy, make
-from duobench.randomness import SPLITS, episode_seed, policy_seed
-from duobench.replay.verify import Verdict, verify
 from tests.evaluation import toy_tasks
 from tests.evaluation.forging import redescribed, rewritten
 from tests.evaluation.toy_tasks import HORIZON

@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from duobench.cli import main
+from duobench.core.errors import EvaluationError, OtherRunError
+from duobench.core.randomness import episode_seed, policy_seed
 from duobench.data import DataSet
-from duobench.errors import EvaluationError, OtherRunError
+from duobench.evaluation.replay.leaderboard import make_leaderboard
+from duobench.evaluation.replay.verify import Verdict, verify
+from duobench.evaluation.runners.evaluate import evaluate, record as record_demonstrations
+from duobench.evaluation.runners.process import WorkerProcess
 from duobench.policy import HoldPolicy
-from duobench.randomness import episode_seed, policy_seed
-from duobench.replay.leaderboard import make_leaderboard
-from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import Bundle, open_source, write_bundle
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
@@ -24,8 +26,6 @@ from duobench.results.report import write_report
 from duobench.results.run import Shard
 from duobench.results.salt import Salt, read_salt
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners.evaluate import evaluate, record as record_demonstrations
-from duobench.runners.process import WorkerProcess
 from duobench.tasks import catalog
 from tests.children import ran
 from tests.cli.conftest import refusal

@@ -7,16 +7,16 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import EvaluationError, LockedError, OtherRunError
+from duobench.core.errors import EvaluationError, LockedError, OtherRunError
+from duobench.evaluation.replay.verify import verify
+from duobench.evaluation.runners.evaluate import evaluate
 from duobench.policy import PolicyMetadata
-from duobench.replay.verify import verify
 from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.compare import compare
 from duobench.results.folder import RunFolder
 from duobench.results.report import write_report
 from duobench.results.run import WHOLE, Run, Shard
-from duobench.runners.evaluate import evaluate
-from duobench.shifts.shift import every_shift
+from duobench.tasks.shifts.shift import every_shift
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import compared, small_suite
 from tests.results.samples import SORT, sample_folder, sample_records, sample_run, without_times
@@ -130,7 +130,7 @@ import sys
 from pathlib import Path
 from duobench.results.folder import RunFolder
 from duobench.results.run import Shard
-from duobench.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluate import evaluate
 from tests.evaluation.conftest import small_suite
 
 evaluate("random", small_suite(), RunFolder(Path(sys.argv[1])), workers=1,

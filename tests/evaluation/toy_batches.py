@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from duobench.policy import PolicyMetadata, Session, noise
-from duobench.robot.joints import JOINT_RANGES
+from duobench.world.robot.joints import JOINT_RANGES
 from tests.evaluation import toy_tasks
 from tests.evaluation.toy_tasks import HORIZON, dies, mark, raises, seed_of
 

@@ -21,14 +21,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from duobench.errors import RenderingError
-from duobench.objects.blocks import CUBE_EDGE, RED, cube
-from duobench.objects.prop import Prop
+from duobench.core.errors import RenderingError
+from duobench.core.randomness import EVAL, around, episode_seed, policy_seed
 from duobench.policy import HoldPolicy, PolicyMetadata, RandomPolicy
-from duobench.randomness import EVAL, around, episode_seed, policy_seed
-from duobench.stages.logic import Predicate, StateView
-from duobench.stages.progress import Stage
+from duobench.tasks.stages.logic import Predicate, StateView
+from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import CUBE_EDGE, RED, cube
+from duobench.world.objects.prop import Prop
 
 HOME_HEIGHT = 0.54
 HORIZON = 24
@@ -441,7 +441,7 @@ def simulators() -> list[object]:
     """Everything in this process that may be a simulator, and modules that make one."""
     kinds = ("Simulation", "MjData", "MjModel", "SimBackend", "SimEnv")
     found = [each for each in gc.get_objects() if type(each).__name__ in kinds]
-    return [*found, *({"mujoco", "duobench.sim.simulation"} & sys.modules.keys())]
+    return [*found, *({"mujoco", "duobench.world.sim.simulation"} & sys.modules.keys())]
 
 
 class Searches(Acts, RandomPolicy):
@@ -485,7 +485,7 @@ def dies_in_one() -> None:
 def answers_twice() -> None:
     """The worker once gives a result twice."""
     from duobench.evaluation.episode import EpisodeResult
-    from duobench.runners.process import Parent
+    from duobench.evaluation.runners.process import Parent
 
     report = Parent.report
 
@@ -524,5 +524,5 @@ def without_graphics(*_words: Any, **_options: Any) -> None:
     raise RenderingError("The driver hangs.")
 
 
-if os.environ.get(MISBEHAVIOUR) and "duobench.runners.worker" in sys.modules:
+if os.environ.get(MISBEHAVIOUR) and "duobench.evaluation.runners.worker" in sys.modules:
     globals()[os.environ[MISBEHAVIOUR]]()

@@ -17,20 +17,20 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.data import DataSet, Recording
-from duobench.errors import (
+from duobench.core.errors import (
     DataError,
     EvaluationError,
     OtherRunError,
     PolicyError,
     UnknownNameError,
 )
+from duobench.core.types import POLICY_CAMERAS
+from duobench.data import DataSet, Recording
 from duobench.evaluation.rollout import rollout
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
 from duobench.results.suite import Suite
 from duobench.tasks import catalog
-from duobench.types import POLICY_CAMERAS
 from tests.docs.markdown import ROOT
 
 EXAMPLES = ROOT / "examples" / "object_states"

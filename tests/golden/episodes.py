@@ -6,7 +6,7 @@ contact amplifies it. So the file also holds the control steps at which stages a
 met within a few steps, and states over the first second, before a grasp begins, to be met within a
 tolerance; and what the physics is made of, to be met exactly (see `tests.golden.models`).
 
-Renew it with `make golden`, only together with a new `SUITE_VERSION` in `duobench.randomness`: who
+Renew it with `make golden`, only with a new `SUITE_VERSION` in `duobench.core.randomness`: who
 compares scores must see that the episodes are others. So a file of this version is never written
 over with other contents.
 """
@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from duobench.randomness import SUITE_VERSION
+from duobench.core.randomness import SUITE_VERSION
 from duobench.tasks import catalog
-from tests.experts.baseline_episodes import SEEDS, Episode, play_alone
 from tests.golden import models
+from tests.tasks.experts.baseline_episodes import SEEDS, Episode, play_alone
 
 PATH = Path(__file__).with_name("episodes.json")
 CHECKPOINTS = (10, 20, 30)
@@ -157,7 +157,7 @@ def write(content: Content, path: Path = PATH) -> None:
                 f"The golden episodes of suite version {SUITE_VERSION!r} are not these:\n  "
                 + "\n  ".join(found)
                 + f"\n{path} was left as it is. If the change is meant, raise SUITE_VERSION in "
-                "duobench.randomness first, so that nobody compares scores of different episodes; "
+                "duobench.core.randomness first, so that nobody compares scores of other episodes; "
                 "then renew the file again."
             )
     path.write_text(_text(content), encoding="utf-8")

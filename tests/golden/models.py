@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dev.benchmarks.kernels import model_digests
-from duobench.objects.prop import Prop
-from duobench.objects.shapes import ShapeKind
-from duobench.objects.solid import Solid
-from duobench.scene.compose import compose
+from duobench.world.objects.prop import Prop
+from duobench.world.objects.shapes import ShapeKind
+from duobench.world.objects.solid import Solid
+from duobench.world.scene.compose import compose
 
 DIGITS = 8
 DECIMALS = 9

@@ -1,4 +1,4 @@
-"""The golden file itself; that experts still play it is asked in `tests.experts.test_episodes`."""
+"""The golden file itself; `tests.tasks.experts.test_episodes` asks that experts still play it."""
 
 import copy
 import json
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from duobench.randomness import SUITE_VERSION
+from duobench.core.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from tests.golden import episodes, models
 
@@ -112,7 +112,7 @@ def test_a_file_of_the_same_suite_version_is_not_written_over(
     before = path.read_bytes()
     with pytest.raises(episodes.NotRenewedError, match=told) as refusal:
         episodes.write(content, path)
-    assert "raise SUITE_VERSION in duobench.randomness first" in str(refusal.value)
+    assert "raise SUITE_VERSION in duobench.core.randomness first" in str(refusal.value)
     assert path.read_bytes() == before
 
 

@@ -1,11 +1,11 @@
 """A task of 36 steps, which any motion of the left arm solves where the cube lies on the left."""
 
-from duobench.objects.blocks import CUBE_EDGE, RED, cube
-from duobench.objects.prop import Prop
-from duobench.randomness import around
-from duobench.stages.logic import Predicate, StateView
-from duobench.stages.progress import Stage
+from duobench.core.randomness import around
+from duobench.tasks.stages.logic import Predicate, StateView
+from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import CUBE_EDGE, RED, cube
+from duobench.world.objects.prop import Prop
 
 HORIZON = 36
 HOME_HEIGHT = 0.54

@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import duobench
+from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.lerobot.export import export_lerobot
@@ -17,7 +18,6 @@ from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.recorder import Recorder
 from duobench.data.recording import Recording
 from duobench.envs.action_labels import POSE_LABELS
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 from tests.lerobot.tools import load, record, run
 
 TASKS = ("transfer_cube", "bin_sort")

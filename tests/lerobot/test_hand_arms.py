@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.errors import MessageError
-from duobench.kinematics.inverse import Kinematics
-from duobench.spatial import SE3
-from duobench.types import CONTROL_HZ, DuoCommand
+from duobench.core.errors import MessageError
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, DuoCommand
+from duobench.world.kinematics.inverse import Kinematics
 from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
 from tests.teleop.operator import hand, message, said
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
+from duobench.core.errors import LeaderError, UnknownNameError
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import LeaderError, UnknownNameError
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 
 

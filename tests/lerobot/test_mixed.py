@@ -16,10 +16,10 @@ import duobench
 from duobench.cli import main
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder
-from duobench.hardware.clock import VirtualClock
-from duobench.hardware.drivers.simulated import MARK, MARKS
-from duobench.hardware.env import make_real_env
-from duobench.hardware.opening import open_rig
+from duobench.real.clock import VirtualClock
+from duobench.real.drivers.simulated import MARK, MARKS
+from duobench.real.env import make_real_env
+from duobench.real.opening import open_rig
 from tests.lerobot.tools import TINY, load, record
 
 TASK = "bin_sort"

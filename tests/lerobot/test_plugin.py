@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from duobench.randomness import episode_seed
+from duobench.core.randomness import episode_seed
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE
 from tests.lerobot.tools import HERE, run as run_program
@@ -29,7 +29,7 @@ from lerobot.envs import EnvConfig
 assert "duobench" in EnvConfig.get_known_choices()
 assert "duobench" in TeleoperatorConfig.get_known_choices()
 assert {"duobench", "duobench_duo"} <= set(RobotConfig.get_known_choices())
-devices = ("duobench.hardware", "duobench.web", "duobench.teleop", "franky", "pymodbus")
+devices = ("duobench.real", "duobench.web", "duobench.teleop", "franky", "pymodbus")
 print([name for name in devices if name in sys.modules])
 """
 

@@ -15,16 +15,16 @@ from lerobot.policies import get_policy_class, make_pre_post_processors
 
 from duobench import policy
 from duobench.cli import main
+from duobench.core.errors import DuoBenchError
+from duobench.core.lerobot_keys import FEATURE_NAMES, LAST
 from duobench.envs.action_labels import POSE_LABELS
 from duobench.envs.state_labels import StatePart, names_of
-from duobench.errors import DuoBenchError
-from duobench.lerobot_keys import FEATURE_NAMES, LAST
 from duobench.policy.batch import Batching, PolicyPool, SessionPolicy
 from duobench.policy.lerobot_model import EpisodeNoise, LeRobotPolicy
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import PolicyName, make_any
 from duobench.results.bundle import read_source
-from duobench.robot.joints import HOME_JOINTS
+from duobench.world.robot.joints import HOME_JOINTS
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE, change
 from tests.lerobot.tools import HAS_GROOT, HERE, NEEDS_GROOT

@@ -10,11 +10,11 @@ from lerobot.robots import RobotConfig, make_robot_from_config
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins
 
-from duobench.errors import ActionError, BackendError, OptionError, UnknownNameError
-from duobench.hardware.clock import VirtualClock
-from duobench.hardware.opening import open_rig
-from duobench.robot.joints import HOME_JOINTS
-from duobench.types import Side
+from duobench.core.errors import ActionError, BackendError, OptionError, UnknownNameError
+from duobench.core.types import Side
+from duobench.real.clock import VirtualClock
+from duobench.real.opening import open_rig
+from duobench.world.robot.joints import HOME_JOINTS
 from lerobot_env_duobench import DuoBenchDuo, DuoBenchDuoConfig
 from lerobot_env_duobench.config import KEYS
 

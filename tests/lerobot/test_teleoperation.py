@@ -32,13 +32,13 @@ from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins
 
 import duobench
+from duobench.core.errors import LeaderError, UnknownNameError
+from duobench.core.randomness import TRAIN, episode_seed
+from duobench.core.spatial import SE3
+from duobench.core.types import ARM_JOINTS, DuoCommand
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import LeaderError, UnknownNameError
-from duobench.randomness import TRAIN, episode_seed
-from duobench.rig_sessions.teleoperation import TeleopState
-from duobench.spatial import SE3
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
-from duobench.types import ARM_JOINTS, DuoCommand
+from duobench.teleop.teleoperation import TeleopState
 from lerobot_env_duobench.hand_arms import OPEN_HOME
 from tests.docs.markdown import page_of, table
 from tests.teleop.operator import Operator, hand, message

@@ -14,9 +14,9 @@ import pytest
 from lerobot.datasets import LeRobotDataset
 from websockets.exceptions import ConnectionClosedOK
 
+from duobench.core.spatial import SE3
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.spatial import SE3
-from duobench.training.training import LearningData
+from duobench.policy.training.training import LearningData
 from lerobot_env_duobench.hand_arms import OPEN_HOME
 from tests.lerobot.tools import SCRIPTS
 from tests.teleop.operator import hand, message

@@ -19,7 +19,7 @@ from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.options import ExportOptions
 from duobench.data.recorder import Recorder
 from duobench.policy import make
-from duobench.training.recipes import RECIPES
+from duobench.policy.training.recipes import RECIPES
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE
 from tests.lerobot.tools import HERE, NEEDS_GROOT, QUICK, TINY, record

@@ -12,9 +12,9 @@ from msgspec import to_builtins
 from playwright.sync_api import Page
 
 from duobench.data import Actor, ActorKind, DataSet
-from duobench.rig_sessions.teleop_page import TeleopPage
-from duobench.rig_sessions.teleoperation import Teleoperation
 from duobench.teleop.messages import Hands, Message
+from duobench.teleop.teleop_page import TeleopPage
+from duobench.teleop.teleoperation import Teleoperation
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.pages.driving import opened, take_the_drive

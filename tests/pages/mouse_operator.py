@@ -12,9 +12,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from duobench.core.spatial import SE3, length, product, rotation_vector
+from duobench.core.types import Array, Side
 from duobench.envs.sim_env import sim_of
-from duobench.spatial import SE3, length, product, rotation_vector
-from duobench.types import Array, Side
 from duobench.web.geometry import Geometry
 from tests.pages.leading import Led
 

@@ -10,13 +10,13 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.rig_sessions.cameras import CameraFeed
-from duobench.rig_sessions.rig_teleoperation import RigTeleopPage
-from duobench.types import POLICY_CAMERAS
+from duobench.core.types import POLICY_CAMERAS
+from duobench.real.sessions.cameras import CameraFeed
+from duobench.real.sessions.rig_teleoperation import RigTeleopPage
 from duobench.web.page import assets
 from duobench.web.server import PageServer
-from tests.hardware.rigs import camera, wait
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, until
+from tests.real.rigs import camera, wait
 from tests.teleop.test_real import Bench
 
 

@@ -4,11 +4,11 @@ from contextlib import closing
 from pathlib import Path
 from threading import Thread
 
-from duobench.replay.sources import FollowedRun
-from duobench.replay.viewer import Viewer
+from duobench.evaluation.replay.sources import FollowedRun
+from duobench.evaluation.replay.viewer import Viewer
+from duobench.evaluation.runners.evaluate import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners.evaluate import evaluate
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.pages.windows import broken_rules, opened, started, until

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 import duobench
 from duobench.envs.duo_env import base_of
-from duobench.robot.cameras import HEAD_PITCH, TABLE_FROM_HEAD
-from duobench.robot.workcell import FLOOR_Z
 from duobench.web.geometry import Geometry
+from duobench.world.robot.cameras import HEAD_PITCH, TABLE_FROM_HEAD
+from duobench.world.robot.workcell import FLOOR_Z
 from tests.pages.driving import Operated, operated
 
 IWER = Path(os.environ["DUOBENCH_IWER"])

@@ -16,7 +16,7 @@ from playwright.sync_api import Page
 from scipy.spatial.transform import Rotation
 
 from duobench.data import DataSet, find_problems
-from duobench.rig_sessions.teleoperation import TeleopState
+from duobench.teleop.teleoperation import TeleopState
 from tests.pages.leading import follower, led
 from tests.pages.test_headset import IWER, LOOK, ROOM_FROM_WORLD, ROOM_HEAD, WEAR, in_room
 from tests.teleop.operator import Operator

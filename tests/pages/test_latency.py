@@ -14,9 +14,9 @@ from urllib.parse import urlsplit
 from playwright.sync_api import Page
 
 from duobench.data import Actor, ActorKind, DataSet
-from duobench.rig_sessions.teleop_page import TeleopPage
-from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
 from duobench.teleop.hands import HandDevice
+from duobench.teleop.teleop_page import TeleopPage
+from duobench.teleop.teleoperation import Teleoperation, make_recorder
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.pages.driving import opened, take_the_drive

@@ -9,18 +9,18 @@ from msgspec import to_builtins
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import PHONE, View
-from duobench.replay.viewer import Command, SeekStep, SelectItem, SetPlaying
-from duobench.rig_sessions.teleoperation import AWAY
-from duobench.sim import placement
-from duobench.sim.simulation import Simulation
+from duobench.evaluation.replay.viewer import Command, SeekStep, SelectItem, SetPlaying
 from duobench.tasks import get
 from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, Restore
+from duobench.teleop.teleoperation import AWAY
 from duobench.web import access
 from duobench.web.geometry import Geometry
 from duobench.web.messages import PageMessage, pack_frame
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from duobench.web.track import decode, encode
+from duobench.world.sim import placement
+from duobench.world.sim.simulation import Simulation
 from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, until
 
 FIRST_LOAD = 150_000

@@ -10,14 +10,20 @@ from pathlib import Path
 
 import numpy as np
 
+from duobench.core.spatial import SE3
 from duobench.data import DataSet, find_problems
 from duobench.envs.sim_env import sim_of
-from duobench.experts.handover import present, receive_pose, tool
-from duobench.experts.motion import Arms, down, nearest_turn
-from duobench.experts.scripts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
-from duobench.rig_sessions.teleoperation import TeleopState
-from duobench.robot.frames import SHOULDERS
-from duobench.spatial import SE3
+from duobench.tasks.experts.handover import present, receive_pose, tool
+from duobench.tasks.experts.motion import Arms, down, nearest_turn
+from duobench.tasks.experts.scripts.transfer_cube import (
+    BAR,
+    MEETING_POINT,
+    RECEIVER_GRIP,
+    RISE,
+    SLANT,
+)
+from duobench.teleop.teleoperation import TeleopState
+from duobench.world.robot.frames import SHOULDERS
 from tests.pages.leading import follower, led
 from tests.pages.mouse_operator import MouseOperator
 

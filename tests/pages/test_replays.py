@@ -8,13 +8,13 @@ from PIL import Image
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import PHONE, View
-from duobench.sim import placement
-from duobench.sim.rendering import Renderer
-from duobench.sim.simulation import Simulation
 from duobench.tasks import get
 from duobench.web.geometry import Geometry
 from duobench.web.page import EpisodeReplay, replay_page
 from duobench.web.track import encode
+from duobench.world.sim import placement
+from duobench.world.sim.rendering import Renderer
+from duobench.world.sim.simulation import Simulation
 from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, until
 
 TASKS = ("bin_sort", "pour_marbles", "spring_door")

@@ -7,10 +7,10 @@ import pytest
 from PIL import Image
 
 from dev.tools.pages import DESKTOP, PHONE, VIEWS, View, measure, paper, screenshot, violations
+from duobench.core.video import VP9, write_video
 from duobench.policy import PolicyMetadata
 from duobench.results.journal import PARTS, EpisodeTimes
 from duobench.results.report import write_report
-from duobench.video import VP9, write_video
 from tests.results.samples import SORT, TURN, key, sample_folder, sample_record, sample_run
 
 AXE = Path(os.environ["DUOBENCH_AXE"])

@@ -9,15 +9,15 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.hardware.devices import FaultKind
-from duobench.rig_sessions import interruptible
-from duobench.rig_sessions.policy_runner import REASONS
-from duobench.rig_sessions.session import HELD_BY_OPERATOR
-from duobench.rig_sessions.trials_folder import LogKind
-from duobench.types import Side
+from duobench.core.types import Side
+from duobench.real.sessions import interruptible
+from duobench.real.sessions.policy_runner import REASONS
+from duobench.real.sessions.session import HELD_BY_OPERATOR
+from duobench.real.sessions.trials_folder import LogKind
+from duobench.results.labels import FaultKind
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, until
-from tests.rig_sessions import toys
-from tests.rig_sessions.operator import POLICIES, STEPS, Stand, records
+from tests.real.sessions import toys
+from tests.real.sessions.operator import POLICIES, STEPS, Stand, records
 from tests.web.pages import wait_until
 
 LAST = 5

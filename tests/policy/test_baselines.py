@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from duobench.core.types import DuoCommand
 from duobench.policy import BASELINES, Policy, PolicyMetadata, as_chunk, make
-from duobench.robot.joints import JOINT_RANGES
-from duobench.types import DuoCommand
+from duobench.world.robot.joints import JOINT_RANGES
 
 OBSERVATION = {"agent_pos": np.linspace(-0.3, 0.3, 16), "tcp_pose": np.zeros(14)}
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.errors import MachineryError, PolicyError
+from duobench.core.errors import MachineryError, PolicyError
 from duobench.policy import (
     Batching,
     BatchPolicy,

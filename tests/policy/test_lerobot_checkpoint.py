@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from duobench import policy
+from duobench.core.errors import PolicyError, UnknownNameError
 from duobench.envs.state_labels import StatePart, names_of
-from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation import policies
 from duobench.policy import lerobot_checkpoint as checkpoint
 from duobench.policy.lerobot_checkpoint import Address, parse

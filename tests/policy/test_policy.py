@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import duobench
+from duobench.core.errors import PolicyError
+from duobench.core.types import POLICY_CAMERAS
 from duobench.envs import ACTION_MODES
 from duobench.envs.config import EnvConfig
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import PolicyError
 from duobench.policy import PolicyMetadata, as_chunk, check_fits
 from duobench.tasks import catalog
-from duobench.types import POLICY_CAMERAS
 
 
 def test_chunk_is_a_copy_as_float32() -> None:

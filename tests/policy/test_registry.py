@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import PolicyError, UnknownNameError
+from duobench.core.errors import PolicyError, UnknownNameError
 from duobench.policy import HoldPolicy, make
 from duobench.policy.registry import source_version
 

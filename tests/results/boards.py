@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from duobench.evaluation.replay.verify import Verdict
 from duobench.policy import PolicyMetadata
-from duobench.replay.verify import Verdict
 from duobench.results.leaderboard import EPISODES, BoardEntry, make_entry
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run

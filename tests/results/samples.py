@@ -7,10 +7,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from duobench.core.randomness import SUITE_VERSION, episode_seed, policy_seed
 from duobench.envs.config import EnvConfig
 from duobench.envs.execution import WHOLE_CHUNKS
 from duobench.policy import PolicyMetadata
-from duobench.randomness import SUITE_VERSION, episode_seed, policy_seed
 from duobench.results.excess import Excess
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord, Key

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import DuoBenchError, EvaluationError, FileError, OutputError
-from duobench.files import encode
+from duobench.core.errors import DuoBenchError, EvaluationError, FileError, OutputError
+from duobench.core.files import encode
 from duobench.results import bundle
 from duobench.results.bundle import (
     BUNDLE_SCHEMA,

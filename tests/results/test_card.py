@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from duobench.core.errors import EvaluationError, PolicyError
+from duobench.core.randomness import SALTED
 from duobench.envs.execution import ChunkExecution
-from duobench.errors import EvaluationError, PolicyError
 from duobench.policy import PolicyMetadata
 from duobench.policy.lerobot_checkpoint import content_hash
-from duobench.randomness import SALTED
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, write_bundle
 from duobench.results.card import EVALUATION, FIGURE, write_checkpoint_card
 from duobench.results.folder import RunFolder
 from duobench.results.report import read_parts
 from duobench.results.suite import find_tasks
-from duobench.shifts.shift import Shift
+from duobench.tasks.shifts.shift import Shift
 from tests.results.samples import CONFIG, sample_folder, sample_records, sample_run
 
 NAME = "us/policy"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import OtherRunError
+from duobench.core.errors import OtherRunError
 from duobench.results.compare import compare, write_comparison
 from duobench.results.statistics import any_time
 from duobench.results.tables import CSV_HEADER

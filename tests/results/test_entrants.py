@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import EvaluationError, UnknownNameError
+from duobench.core.errors import EvaluationError, UnknownNameError
 from duobench.results.entrants import (
     AUTHORS,
     PAPER,
@@ -18,8 +18,8 @@ from duobench.results.entrants import (
     value_of,
 )
 from duobench.results.tables import cell_text
-from duobench.shifts.shift import Shift
 from duobench.tasks import catalog
+from duobench.tasks.shifts.shift import Shift
 from tests.docs.markdown import page_of, tables
 from tests.results.outcomes import play
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
+from duobench.core.errors import EvaluationError, FileError, LockedError, OtherRunError, OutputError
+from duobench.core.files import encode, locked
+from duobench.core.randomness import SUITE_VERSION
 from duobench.envs.config import EnvConfig
-from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError, OutputError
-from duobench.files import encode, locked
 from duobench.policy import PolicyMetadata
-from duobench.randomness import SUITE_VERSION
 from duobench.results.folder import RunFolder
 from duobench.results.records import RECORD_SCHEMA
 from duobench.results.run import TimeLimits
@@ -178,7 +178,7 @@ def locking(path: Path, block: str) -> Generator[tuple[subprocess.Popen[str], st
     script = (
         "import os, sys, time\n"
         "from pathlib import Path\n"
-        "from duobench.files import locked\n"
+        "from duobench.core.files import locked\n"
         f"with locked(Path(sys.argv[1])):\n    {block}\n    time.sleep(1000)\n"
     )
     command = [sys.executable, "-c", script, str(path)]

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
+from duobench.core.errors import OtherRunError
 from duobench.envs.config import EnvConfig
-from duobench.errors import OtherRunError
 from duobench.results.leaderboard import Board, BoardEntry, RefusedBundle, begin_site, write_site
 from duobench.results.salt import Round, Salt
 from duobench.results.suite import find_tasks
-from duobench.shifts.shift import NO_SHIFT, Shift
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from tests.results.boards import entry
 from tests.results.samples import VERSIONS
 

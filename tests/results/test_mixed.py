@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from markupsafe import escape
 
-from duobench.errors import EvaluationError
+from duobench.core.errors import EvaluationError
 from duobench.results.mixed import MixedTable, Place, markdown, read_mixed, write_mixed
 from duobench.results.scores import wilson_interval
 from duobench.results.suite import TaskInfo

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from duobench.core.video import VP9, write_video
 from duobench.envs.config import EnvConfig
 from duobench.policy import Batching, PolicyMetadata
 from duobench.results.folder import RunFolder
@@ -13,7 +14,6 @@ from duobench.results.pages import PageVideos, identity, stacks
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.scores import RunPart, group_by_condition, task_result
-from duobench.video import VP9, write_video
 from tests.results.samples import SORT, TURN, sample_folder, sample_record, sample_run
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from duobench.randomness import SUITE_VERSION
+from duobench.core.randomness import SUITE_VERSION
 from duobench.results.compare import compare
 from duobench.results.entrants import RowKind
 from duobench.results.pairs import Pair, RunComparison

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.errors import EvaluationError, FileError
-from duobench.files import encode, read, write
+from duobench.core.errors import EvaluationError, FileError
+from duobench.core.files import encode, read, write
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord, pack_targets, unpack_targets
-from duobench.shifts.shift import Shift
+from duobench.tasks.shifts.shift import Shift
 from tests.results.samples import LIFT, sample_record, sample_records, sample_run
 
 TEXT = encode(sample_record(), RECORD_SCHEMA)

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import escaped
+from duobench.core.errors import escaped
 from duobench.results import figures
 from duobench.results.folder import RunFolder
 from duobench.results.pages import software
 from duobench.results.report import check_report, read_parts, write_report
-from duobench.shifts.shift import NO_SHIFT, Shift
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from tests.results.samples import SORT, key, sample_folder, sample_records, sample_run
 
 LOOK = Shift(axis="look", level=1)

@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 
 from duobench.cli import main
-from duobench.errors import EvaluationError, OtherRunError
+from duobench.core.errors import EvaluationError, OtherRunError
 from duobench.results import figures
 from duobench.results.entrants import read_named
 from duobench.results.folder import RunFolder
 from duobench.results.report import write_report
 from duobench.results.robustness import Robustness, robustness_of, write_robustness
-from duobench.shifts.shift import NO_SHIFT, Shift
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from tests.results.samples import sample_folder, sample_records, sample_run
 
 SHIFTS = (

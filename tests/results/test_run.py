@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import DuoBenchError, EvaluationError, FileError, UnknownNameError
-from duobench.files import decode, encode
+from duobench.core.errors import DuoBenchError, EvaluationError, FileError, UnknownNameError
+from duobench.core.files import decode, encode
 from duobench.results.run import RUN_SCHEMA, Run, TimeLimits
-from duobench.shifts.shift import NO_SHIFT, Shift
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from tests.results.samples import LIFT, SORT, sample_run
 
 RUN = sample_run()

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from duobench.core.errors import EvaluationError, OutputError
+from duobench.core.randomness import SALTED
 from duobench.envs.config import EnvConfig
-from duobench.errors import EvaluationError, OutputError
-from duobench.randomness import SALTED
 from duobench.results.salt import Round, Salt, make_salt, read_rounds, read_salt
 from tests.results.samples import sample_run
 

@@ -1,7 +1,7 @@
 import pytest
 
+from duobench.core.errors import UnknownNameError
 from duobench.envs.execution import ChunkExecution
-from duobench.errors import UnknownNameError
 from duobench.results.suite import SUITES, SuiteChoice, deviations, latency_text, suite_text
 from duobench.tasks import catalog
 

@@ -14,16 +14,16 @@ import gymnasium as gym
 import pytest
 
 import duobench
+from duobench.core.errors import UnknownNameError
+from duobench.core.types import SIDES
 from duobench.envs.registration import NAMESPACE, env_id
-from duobench.errors import UnknownNameError
-from duobench.scene.naming import TABLE
-from duobench.sim.placement import REACH_X, REACH_Y
-from duobench.sim.simulation import Simulation
-from duobench.stages.predicates import STILL_ANGULAR_SPEED, STILL_SPEED
-from duobench.stages.progress import check_names
 from duobench.tasks import catalog
+from duobench.tasks.stages.predicates import STILL_ANGULAR_SPEED, STILL_SPEED
+from duobench.tasks.stages.progress import check_names
 from duobench.tasks.task import Task
-from duobench.types import SIDES
+from duobench.world.scene.naming import TABLE
+from duobench.world.sim.placement import REACH_X, REACH_Y
+from duobench.world.sim.simulation import Simulation
 from tests.envs.tools import sim_of
 
 SEEDS = range(5)

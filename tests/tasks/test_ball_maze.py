@@ -4,10 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from duobench.experts.handling import carry
-from duobench.experts.motion import down, grip, release
-from duobench.experts.scripts.ball_maze import grasp, lift, script
-from duobench.objects.maze_board import (
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.ball_maze import AT_GOAL, RAISE, TASK
+from duobench.tasks.experts.handling import carry
+from duobench.tasks.experts.motion import down, grip, release
+from duobench.tasks.experts.scripts.ball_maze import grasp, lift, script
+from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.tasks.stages.rolling import SLIP_SECONDS
+from duobench.world.objects.maze_board import (
     BALL_RADIUS,
     BASE,
     CELLS,
@@ -19,14 +24,9 @@ from duobench.objects.maze_board import (
     wall_numbers,
     wall_variants,
 )
-from duobench.objects.mazes import CORNERS, MAZES, Cell, Direction, Maze
-from duobench.sim.contacts import Limb, limb_owner
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
-from duobench.stages.placing import REST_SECONDS
-from duobench.stages.rolling import SLIP_SECONDS
-from duobench.tasks.ball_maze import AT_GOAL, RAISE, TASK
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.world.objects.mazes import CORNERS, MAZES, Cell, Direction, Maze
+from duobench.world.sim.contacts import Limb, limb_owner
+from duobench.world.sim.layout import Layout
 from tests.steps import do, pause, to
 from tests.task_harness import TaskHarness
 

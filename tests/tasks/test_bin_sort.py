@@ -3,15 +3,15 @@ from itertools import product
 
 import pytest
 
-from duobench.experts.handling import pick_cube
-from duobench.experts.motion import Arms, down, release
-from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
-from duobench.scene.naming import TABLE
-from duobench.spatial import SE3
-from duobench.stages.placing import REST_SECONDS
-from duobench.stages.vessels import Vessel
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.experts.handling import pick_cube
+from duobench.tasks.experts.motion import Arms, down, release
+from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.tasks.stages.vessels import Vessel
+from duobench.world.objects.blocks import CUBE_EDGE
+from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
+from duobench.world.scene.naming import TABLE
 from tests.predicate_probe import PredicateProbe
 from tests.steps import Act, by, do, to
 from tests.task_harness import TaskHarness

@@ -3,14 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from duobench.experts.handling import pick
-from duobench.experts.motion import Arms, Script, down, move, together, wait_until
-from duobench.experts.scripts.block_balance import lower, script
-from duobench.scene.naming import TABLE
-from duobench.spatial import SE3
-from duobench.stages.coordination import TOGETHER_SECONDS
-from duobench.stages.placing import REST_SECONDS
-from duobench.stages.predicates import STILL_SPEED
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.tasks.block_balance import (
     BEAM,
     BLOCK,
@@ -20,7 +14,13 @@ from duobench.tasks.block_balance import (
     STANDING_DEGREES,
     TIPPING,
 )
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.experts.handling import pick
+from duobench.tasks.experts.motion import Arms, Script, down, move, together, wait_until
+from duobench.tasks.experts.scripts.block_balance import lower, script
+from duobench.tasks.stages.coordination import TOGETHER_SECONDS
+from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.tasks.stages.predicates import STILL_SPEED
+from duobench.world.scene.naming import TABLE
 from tests.task_harness import TaskHarness
 
 PLACE = 0.078

@@ -4,9 +4,13 @@ import manifold3d
 import numpy as np
 import pytest
 
-from duobench.experts.motion import Arms, Script
-from duobench.experts.scripts.carry_pot import carry_over, land, let_go, lift, script
-from duobench.objects.pot import (
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.carry_pot import HANDLES, OFF_CENTRE, TASK
+from duobench.tasks.experts.motion import Arms, Script
+from duobench.tasks.experts.scripts.carry_pot import carry_over, land, let_go, lift, script
+from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.world.objects.pot import (
     ARM,
     BAR_LENGTH,
     BAR_RADIUS,
@@ -16,12 +20,8 @@ from duobench.objects.pot import (
     PLATE,
     RADIUS,
 )
-from duobench.objects.solid import manifold_of
-from duobench.scene.naming import TABLE
-from duobench.spatial import SE3
-from duobench.stages.placing import REST_SECONDS
-from duobench.tasks.carry_pot import HANDLES, OFF_CENTRE, TASK
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.world.objects.solid import manifold_of
+from duobench.world.scene.naming import TABLE
 from tests.steps import do, pause
 from tests.task_harness import TaskHarness
 

@@ -6,13 +6,13 @@ import manifold3d
 import numpy as np
 import pytest
 
-from duobench.experts.scripts.join_blocks import script
-from duobench.objects import joint_blocks as bars
-from duobench.objects.solid import manifold_of
-from duobench.spatial import SE3
-from duobench.stages.joining import LOST_SECONDS
-from duobench.stages.placing import REST_SECONDS
-from duobench.types import CONTROL_HZ
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ
+from duobench.tasks.experts.scripts.join_blocks import script
+from duobench.tasks.stages.joining import LOST_SECONDS
+from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.world.objects import joint_blocks as bars
+from duobench.world.objects.solid import manifold_of
 from tests.task_harness import TaskHarness
 
 GREY = (0.5, 0.5, 0.5, 1.0)

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from duobench.randomness import Uniform
+from duobench.core.randomness import Uniform
 from duobench.tasks import catalog
 
 

@@ -1,6 +1,6 @@
 """The chest with a lid and the oven with a door: where the cube must be, and their physics.
 
-Who brings it, and how, is in tests/stages/test_support.py.
+Who brings it, and how, is in tests/tasks/stages/test_support.py.
 """
 
 import itertools
@@ -9,16 +9,16 @@ import mujoco
 import numpy as np
 import pytest
 
-from duobench.experts.handling import LET_GO
-from duobench.experts.motion import Arms, Script, move, release, together, wait
-from duobench.experts.scripts.hinge_chest import script
-from duobench.objects import chest, microwave
-from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.microwave import CAVITY_CENTRE_Y, DOOR_LIMITS, FRONT
-from duobench.spatial import SE3
-from duobench.stages.placing import REST_SECONDS
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ
+from duobench.tasks.experts.handling import LET_GO
+from duobench.tasks.experts.motion import Arms, Script, move, release, together, wait
+from duobench.tasks.experts.scripts.hinge_chest import script
+from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.world.objects import chest, microwave
+from duobench.world.objects.blocks import CUBE_EDGE
+from duobench.world.objects.microwave import CAVITY_CENTRE_Y, DOOR_LIMITS, FRONT
 from tests.task_harness import TaskHarness, set_hinge
 from tests.ways.hinge_chest import CHEST
 from tests.ways.opening import Opening

@@ -2,14 +2,14 @@ import math
 
 import pytest
 
-from duobench.experts.motion import Arms, Script, move, release, together
-from duobench.experts.scripts.pour_marbles import script, take
-from duobench.objects.cup import HEAP, HEIGHT, MARBLE_RADIUS, OUTER_RADIUS, WALL
-from duobench.sim.contacts import Limb, limb_owner
-from duobench.spatial import SE3
-from duobench.stages.placing import REST_SECONDS
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.experts.motion import Arms, Script, move, release, together
+from duobench.tasks.experts.scripts.pour_marbles import script, take
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.world.objects.cup import HEAP, HEIGHT, MARBLE_RADIUS, OUTER_RADIUS, WALL
+from duobench.world.sim.contacts import Limb, limb_owner
 from tests.steps import Act, back, do
 from tests.task_harness import TaskHarness
 from tests.ways.pour_marbles import Pouring, done, marbles_in, pour_with

@@ -3,13 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
-from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
-from duobench.stages.placing import PUT_HEIGHT
-from duobench.stages.predicates import STILL_SPEED
-from duobench.types import Side
+from duobench.core.spatial import SE3
+from duobench.core.types import Side
+from duobench.tasks.stages.placing import PUT_HEIGHT
+from duobench.tasks.stages.predicates import STILL_SPEED
+from duobench.world.objects.blocks import CUBE_EDGE, LONG_BLOCK
+from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT
+from duobench.world.sim.layout import Layout
 from tests.steps import bring, by, do, drop, pause
 from tests.task_harness import TaskHarness
 from tests.ways.transfer_cube import both_hold, hand_over

@@ -2,18 +2,18 @@ import manifold3d
 import numpy as np
 import pytest
 
-from duobench.experts.handover import pick_bar
-from duobench.experts.motion import down, grip
-from duobench.experts.scripts.transfer_gate import BAR, lower_onto_mat
-from duobench.objects import gate as gates
-from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.shapes import cylinder
-from duobench.objects.solid import manifold_of
-from duobench.sim import placement
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
+from duobench.core.spatial import SE3
+from duobench.core.types import Side
+from duobench.tasks.experts.handover import pick_bar
+from duobench.tasks.experts.motion import down, grip
+from duobench.tasks.experts.scripts.transfer_gate import BAR, lower_onto_mat
 from duobench.tasks.transfer_gate import CROSSING_RADIUS, TASK
-from duobench.types import Side
+from duobench.world.objects import gate as gates
+from duobench.world.objects.blocks import CUBE_EDGE
+from duobench.world.objects.shapes import cylinder
+from duobench.world.objects.solid import manifold_of
+from duobench.world.sim import placement
+from duobench.world.sim.layout import Layout
 from tests.steps import do, drop, pause, to
 from tests.task_harness import TaskHarness
 from tests.ways.transfer_gate import hand_over

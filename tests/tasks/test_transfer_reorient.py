@@ -4,9 +4,11 @@ import manifold3d
 import numpy as np
 import pytest
 
-from duobench.experts.handover import let_go, pick_bar
-from duobench.experts.motion import Arms, Script
-from duobench.experts.scripts.transfer_reorient import (
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, Side
+from duobench.tasks.experts.handover import let_go, pick_bar
+from duobench.tasks.experts.motion import Arms, Script
+from duobench.tasks.experts.scripts.transfer_reorient import (
     BAR,
     MEETING_POINT,
     RECEIVER_GRIP,
@@ -15,8 +17,11 @@ from duobench.experts.scripts.transfer_reorient import (
     lead,
     upright,
 )
-from duobench.objects.blocks import WHITE
-from duobench.objects.hexagon_peg import (
+from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.tasks.stages.predicates import STILL_SPEED
+from duobench.tasks.transfer_reorient import DEPTH
+from duobench.world.objects.blocks import WHITE
+from duobench.world.objects.hexagon_peg import (
     ACROSS_FLATS,
     BOARD_FLOOR,
     BOARD_HEIGHT,
@@ -28,14 +33,9 @@ from duobench.objects.hexagon_peg import (
     PolygonHole,
     socket_board,
 )
-from duobench.objects.shapes import circle, prism
-from duobench.objects.solid import manifold_of
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
-from duobench.stages.placing import REST_SECONDS
-from duobench.stages.predicates import STILL_SPEED
-from duobench.tasks.transfer_reorient import DEPTH
-from duobench.types import CONTROL_HZ, Side
+from duobench.world.objects.shapes import circle, prism
+from duobench.world.objects.solid import manifold_of
+from duobench.world.sim.layout import Layout
 from tests.steps import do, meet, pause
 from tests.task_harness import Moments, TaskHarness
 

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import pytest
 
-from duobench.experts.expert import find_script
-from duobench.objects.maze_board import BASE
-from duobench.objects.pot import PLATE
+from duobench.core.types import OPENING_SLOTS, SIDES
 from duobench.tasks import catalog
-from duobench.types import OPENING_SLOTS, SIDES
+from duobench.tasks.experts.expert import find_script
+from duobench.world.objects.maze_board import BASE
+from duobench.world.objects.pot import PLATE
 from tests.task_harness import TaskHarness, marked
 from tests.ways.play import ways_of
 

@@ -13,10 +13,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from duobench.core.spatial import SE3, length, product, rotation_by, rotation_vector
+from duobench.core.types import CONTROL_HZ, SIDES, Array, Side
 from duobench.envs.sim_env import sim_of
-from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
-from duobench.spatial import SE3, length, product, rotation_by, rotation_vector
-from duobench.types import CONTROL_HZ, SIDES, Array, Side
+from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.geometry import Geometry
 from tests.docs.markdown import page_of, table
 from tests.teleop.operator import hand, message, said

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.envs.sim_env import sim_of
-from duobench.experts.expert import find_script
-from duobench.experts.motion import Arms
-from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
-from duobench.spatial import SE3
+from duobench.tasks.experts.expert import find_script
+from duobench.tasks.experts.motion import Arms
 from duobench.teleop.messages import Message
-from duobench.types import CONTROL_HZ, SIDES
+from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.messages import reader
 
 ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)

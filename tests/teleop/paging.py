@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from duobench.data import Actor, ActorKind, DataSet
-from duobench.rig_sessions.teleop_page import TeleopPage, run
-from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
 from duobench.teleop.hands import HandDevice
+from duobench.teleop.teleop_page import TeleopPage, run
+from duobench.teleop.teleoperation import Teleoperation, TeleopState, make_recorder
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.teleop.operator import Operator

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from duobench.hardware.drivers.frames import STALE_S
-from duobench.hardware.duo import FrankaDuo
-from duobench.rig_sessions.cameras import PERIOD_S, SHOWN_WIDTH, CameraFeed, jpeg
-from duobench.types import POLICY_CAMERAS
+from duobench.core.types import POLICY_CAMERAS
+from duobench.real.drivers.frames import STALE_S
+from duobench.real.duo import FrankaDuo
+from duobench.real.sessions.cameras import PERIOD_S, SHOWN_WIDTH, CameraFeed, jpeg
 from duobench.web.page import assets
 from duobench.web.server import PageServer
-from tests.hardware.rigs import camera, new_rig, wait
+from tests.real.rigs import camera, new_rig, wait
 from tests.web.pages import Page, get, open_page, wait_until
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from duobench.cli import main
 from duobench.data import DataSet, ExportOptions, export_lerobot, find_problems
-from duobench.replay import replay
+from duobench.evaluation.replay import replay
 from tests.teleop.paging import record
 
 TASKS = ("bin_sort", "carry_pot")

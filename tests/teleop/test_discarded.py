@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from duobench.core.errors import BackendError, LockedError
 from duobench.data import DataSet, find_problems, summarize
 from duobench.data.attempts import SKIPPED, of_task
 from duobench.data.recorder import UNDECIDED
-from duobench.errors import BackendError, LockedError
-from duobench.rig_sessions.takes import NOTHING_DISCARDED, SET_ASIDE
-from duobench.rig_sessions.teleoperation import DISCARDED, TeleopState
+from duobench.teleop.takes import NOTHING_DISCARDED, SET_ASIDE
+from duobench.teleop.teleoperation import DISCARDED, TeleopState
 from tests.teleop.test_session import TASK, Desk
 
 TAPS = 1000

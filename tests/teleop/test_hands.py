@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from duobench.spatial import SE3
+from duobench.core.spatial import SE3
 from duobench.teleop.hands import WINDOW_S, Clutch, Freshness
 from duobench.teleop.messages import Hand, Hands
 from tests.teleop.operator import hand, message, said

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from duobench.core.spatial import SE3
 from duobench.data import DataSet
 from duobench.envs.sim_env import sim_of
-from duobench.rig_sessions.teleop_page import WATCHING, TeleopPage
-from duobench.rig_sessions.teleoperation import AWAY, Teleoperation
-from duobench.spatial import SE3
+from duobench.teleop.teleop_page import WATCHING, TeleopPage
+from duobench.teleop.teleoperation import AWAY, Teleoperation
 from duobench.web.geometry import Geometry
 from duobench.web.server import PageServer
 from tests.teleop.operator import NEITHER, hand, led, message, said

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import MessageError
-from duobench.spatial import SE3
+from duobench.core.errors import MessageError
+from duobench.core.spatial import SE3
 from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Recentre, Restore
 from tests.teleop.operator import hand, message, said
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from duobench.core.spatial import SE3
 from duobench.data import Actor
-from duobench.rig_sessions.teleop_page import PERIOD_S, Timings, run
-from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
-from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
+from duobench.teleop.teleop_page import PERIOD_S, Timings, run
+from duobench.teleop.teleoperation import Teleoperation, TeleopState, make_recorder
 from tests.teleop.operator import hand, message, said
 from tests.teleop.paging import lockstep_session
 

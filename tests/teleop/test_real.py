@@ -11,16 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
 from duobench.data import Actor, ActorKind, DataSet, find_problems
 from duobench.data.attempts import of_task
-from duobench.hardware.clock import VirtualClock
-from duobench.hardware.devices import FaultKind
-from duobench.hardware.opening import open_rig
-from duobench.hardware.rig import Rig
-from duobench.hardware.supervisor import State
-from duobench.kinematics.inverse import Kinematics
-from duobench.rig_sessions.operator import hold_by_key
-from duobench.rig_sessions.rig_teleoperation import (
+from duobench.real.clock import VirtualClock
+from duobench.real.opening import open_rig
+from duobench.real.rig import Rig
+from duobench.real.sessions.operator import hold_by_key
+from duobench.real.sessions.rig_teleoperation import (
     AT_TERMINAL,
     STOPPED,
     EndedError,
@@ -28,12 +26,14 @@ from duobench.rig_sessions.rig_teleoperation import (
     RigTeleopPage,
     make_real_recorder,
 )
-from duobench.rig_sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR
-from duobench.rig_sessions.teleoperation import TeleopState
+from duobench.real.sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR
+from duobench.real.supervisor import State
+from duobench.results.labels import FaultKind
 from duobench.teleop.hands import HandDevice
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
+from duobench.teleop.teleoperation import TeleopState
 from duobench.web.server import PageServer
-from tests.rig_sessions.test_recording import Script
+from duobench.world.kinematics.inverse import Kinematics
+from tests.real.sessions.test_recording import Script
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.web.pages import open_page, wait_until
 

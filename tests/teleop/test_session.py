@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+from duobench.core.errors import OptionError
+from duobench.core.randomness import TRAIN, episode_seed
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.data import Actor, ActorKind, DataSet, Recording
-from duobench.errors import OptionError
-from duobench.kinematics.inverse import Kinematics
-from duobench.randomness import TRAIN, episode_seed
-from duobench.rig_sessions.teleoperation import (
+from duobench.teleop.hands import HandDevice
+from duobench.teleop.teleoperation import (
     LIMIT,
     LOSS,
     Teleoperation,
     TeleopState,
     make_recorder,
 )
-from duobench.spatial import SE3
-from duobench.teleop.hands import HandDevice
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.world.kinematics.inverse import Kinematics
 from tests.teleop.operator import HOMES, NEITHER, Operator, hand, led, message, said
 
 TASK = "carry_pot"

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from duobench.kinematics import inverse
-from duobench.robot.frames import LINK7_FROM_TCP, SHOULDERS
-from duobench.spatial import SE3, length, rotation_by
+from duobench.core.spatial import SE3, length, rotation_by
+from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.teleop.shaping import BOX, LEASH, REACH, OneEuro, Shaper
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.world.kinematics import inverse
+from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
 
 DOWN = SE3.about((1, 0, 0), math.pi)
 

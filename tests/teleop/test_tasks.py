@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from duobench.core.randomness import TRAIN
+from duobench.core.types import CONTROL_HZ
 from duobench.data import DataSet, find_problems
-from duobench.randomness import TRAIN
-from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ
+from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from tests.teleop.paging import OPERATOR, record
 
 MORE_STEPS = 60

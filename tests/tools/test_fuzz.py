@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from dev.tools.fuzz import KEPT, MAX_DEPTH, Episode, Job, Limits, Violation, Watch, play, replay
+from duobench.core.spatial import SE3
 from duobench.envs.sim_env import sim_of
-from duobench.robot.workcell import TABLE_X, TABLE_Y
-from duobench.sim import simulation
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
+from duobench.world.robot.workcell import TABLE_X, TABLE_Y
+from duobench.world.sim import simulation
+from duobench.world.sim.simulation import Simulation
 from tests.children import ran
 
 JOB = Job(task="transfer_gate", seed=0, branches=8, limits=Limits(link_speed=3.0))

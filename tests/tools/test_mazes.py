@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from dev.tools.mazes import TIME, Game, fewest_steps, most_solved, price
-from duobench.experts.scripts.blind import TILTS
-from duobench.objects.mazes import CELLS, MAZES, Direction, Maze
+from duobench.tasks.experts.scripts.blind import TILTS
+from duobench.world.objects.mazes import CELLS, MAZES, Direction, Maze
 
 MOST = {(3, 5, 6, 7, 8): 287, (2, 5, 6, 7, 8): 293}
 """The largest sets of boards that one sequence solves with the ball at rest, and its steps."""

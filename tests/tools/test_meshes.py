@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dev.tools import meshes
-from duobench.scene.meshes import robot_meshes
+from duobench.world.scene.meshes import robot_meshes
 
 GROUPED = [name for group in meshes.VISUAL_GROUPS for name in group.fills_mm]
 VISUALS = [*GROUPED, *meshes.VISUAL_OUTLINES]

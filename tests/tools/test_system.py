@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.machine import OPENGL_PACKAGES
+from duobench.core.machine import OPENGL_PACKAGES
 from tests.test_repository import ROOT
 
 VENV = "python{}.{}-venv".format(*sys.version_info)

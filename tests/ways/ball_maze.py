@@ -8,9 +8,21 @@ from itertools import islice
 
 import numpy as np
 
-from duobench.experts.handling import carry, come_down
-from duobench.experts.motion import Arms, Script, down, grip, move, nearest_turn, release, wait
-from duobench.experts.scripts.ball_maze import (
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.ball_maze import AT_GOAL, LEFT_START
+from duobench.tasks.experts.handling import carry, come_down
+from duobench.tasks.experts.motion import (
+    Arms,
+    Script,
+    down,
+    grip,
+    move,
+    nearest_turn,
+    release,
+    wait,
+)
+from duobench.tasks.experts.scripts.ball_maze import (
     OPENING,
     Handling,
     TiltedBoard,
@@ -21,12 +33,16 @@ from duobench.experts.scripts.ball_maze import (
     solve,
     take_up,
 )
-from duobench.objects.maze_board import BALL_RADIUS, BASE, PITCH, WALL_HEIGHT, cell_at, cell_centre
-from duobench.objects.mazes import MAZES, Maze
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.tasks.ball_maze import AT_GOAL, LEFT_START
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.world.objects.maze_board import (
+    BALL_RADIUS,
+    BASE,
+    PITCH,
+    WALL_HEIGHT,
+    cell_at,
+    cell_centre,
+)
+from duobench.world.objects.mazes import MAZES, Maze
+from duobench.world.sim.simulation import Simulation
 from tests.steps import do, pause, to
 from tests.ways.way import (
     ONE,

@@ -10,8 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from duobench.experts.handling import pick, pick_cube, place
-from duobench.experts.motion import (
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.experts.handling import pick, pick_cube, place
+from duobench.tasks.experts.motion import (
     CAREFUL,
     NEAR,
     OPEN,
@@ -25,12 +27,10 @@ from duobench.experts.motion import (
     release,
     together,
 )
-from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
-from duobench.scene.naming import TABLE
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.stages.predicates import STILL_SPEED
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.stages.predicates import STILL_SPEED
+from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
+from duobench.world.scene.naming import TABLE
+from duobench.world.sim.simulation import Simulation
 from tests.steps import do, to
 from tests.ways.way import ONE, Way, cheats, left_alone, random_tempo, tilt, ways_to
 

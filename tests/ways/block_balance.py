@@ -8,14 +8,24 @@ from itertools import chain
 
 import numpy as np
 
-from duobench.experts.handling import pick, place, tool_for
-from duobench.experts.motion import CAREFUL, Arms, Script, down, grip, move, release, together, wait
-from duobench.experts.scripts.block_balance import lay_beam, lower, take_block
-from duobench.scene.naming import TABLE
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, CUBE_EDGE, LEVEL_DEGREES
-from duobench.types import CONTROL_HZ, SIDES, Side
+from duobench.tasks.experts.handling import pick, place, tool_for
+from duobench.tasks.experts.motion import (
+    CAREFUL,
+    Arms,
+    Script,
+    down,
+    grip,
+    move,
+    release,
+    together,
+    wait,
+)
+from duobench.tasks.experts.scripts.block_balance import lay_beam, lower, take_block
+from duobench.world.scene.naming import TABLE
+from duobench.world.sim.simulation import Simulation
 from tests.steps import do, pause, to
 from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, fingers_on, random_tempo, ways_to
 

@@ -8,15 +8,32 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from duobench.experts.handling import carry
-from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, down, follow, grip, release, wait
-from duobench.experts.scripts.carry_pot import HandleGrasp, carry_over, grasp, land, let_go, lift
-from duobench.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
-from duobench.scene.naming import TABLE
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
+from duobench.core.spatial import SE3
+from duobench.core.types import SIDES, Side
 from duobench.tasks.carry_pot import OFF_CENTRE, TILT_DEGREES
-from duobench.types import SIDES, Side
+from duobench.tasks.experts.handling import carry
+from duobench.tasks.experts.motion import (
+    CAREFUL,
+    NEAR,
+    Arms,
+    Script,
+    down,
+    follow,
+    grip,
+    release,
+    wait,
+)
+from duobench.tasks.experts.scripts.carry_pot import (
+    HandleGrasp,
+    carry_over,
+    grasp,
+    land,
+    let_go,
+    lift,
+)
+from duobench.world.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
+from duobench.world.scene.naming import TABLE
+from duobench.world.sim.simulation import Simulation
 from tests.steps import by, do, pause, to
 from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, random_tempo, ways_to
 

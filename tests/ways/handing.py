@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from duobench.experts.handling import tool_for
-from duobench.experts.handover import (
+from duobench.core.spatial import SE3
+from duobench.core.types import Array, Side
+from duobench.tasks.experts.handling import tool_for
+from duobench.tasks.experts.handover import (
     CAMERA_YAW,
     Bar,
     clasp,
@@ -22,10 +24,8 @@ from duobench.experts.handover import (
     tool,
     turn_to_camera,
 )
-from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together
-from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
-from duobench.spatial import SE3
-from duobench.types import Array, Side
+from duobench.tasks.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together
+from duobench.world.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from tests.ways.way import WayFailedError
 
 PICKING_STEPS = 300

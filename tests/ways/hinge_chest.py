@@ -8,9 +8,11 @@ from itertools import chain
 import mujoco
 import numpy as np
 
-from duobench.experts.handling import LET_GO, pick_cube
-from duobench.experts.motion import Arms, Script, down, follow, move, release, together, wait
-from duobench.experts.scripts.hinge_chest import (
+from duobench.core.spatial import SE3
+from duobench.core.types import Side
+from duobench.tasks.experts.handling import LET_GO, pick_cube
+from duobench.tasks.experts.motion import Arms, Script, down, follow, move, release, together, wait
+from duobench.tasks.experts.scripts.hinge_chest import (
     HOLDER,
     INSERTER,
     Insertion,
@@ -20,14 +22,12 @@ from duobench.experts.scripts.hinge_chest import (
     over,
     under_lid,
 )
-from duobench.objects import chest as box
-from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL
-from duobench.scene.naming import gripper_name
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
 from duobench.tasks.hinge_chest import CAVITY_REGION, OPEN_ANGLE
-from duobench.types import Side
+from duobench.world.objects import chest as box
+from duobench.world.objects.blocks import CUBE_EDGE
+from duobench.world.objects.chest import CAVITY, RIM_HEIGHT, WALL
+from duobench.world.scene.naming import gripper_name
+from duobench.world.sim.simulation import Simulation
 from tests.steps import Act, at_once, back, by, do, pause, to
 from tests.ways.opening import Opening
 from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, random_tempo, ways_to

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.experts.handling import pick, place, tool_for
-from duobench.experts.motion import (
+from duobench.core.spatial import SE3
+from duobench.core.types import SIDES, Side
+from duobench.tasks.experts.handling import pick, place, tool_for
+from duobench.tasks.experts.motion import (
     CAREFUL,
     NEAR,
     Arms,
@@ -20,8 +22,8 @@ from duobench.experts.motion import (
     together,
     wait,
 )
-from duobench.experts.scripts.join_blocks import script as expert
-from duobench.objects.joint_blocks import (
+from duobench.tasks.experts.scripts.join_blocks import script as expert
+from duobench.world.objects.joint_blocks import (
     BACK_MOUTH,
     BAR,
     FRONT_MOUTH,
@@ -32,9 +34,7 @@ from duobench.objects.joint_blocks import (
     WALL_PLATE,
     WALL_TIP,
 )
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.types import SIDES, Side
+from duobench.world.sim.simulation import Simulation
 from tests.steps import do, to
 from tests.ways.way import ONE, TURNS, Way, cheats, fingers_on, left_alone, random_tempo, ways_to
 

@@ -7,8 +7,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from duobench.experts.handling import LET_GO
-from duobench.experts.motion import (
+from duobench.core.spatial import SE3
+from duobench.core.types import SIDES, Side
+from duobench.tasks.experts.handling import LET_GO
+from duobench.tasks.experts.motion import (
     CLOSED,
     Arms,
     Script,
@@ -19,10 +21,8 @@ from duobench.experts.motion import (
     wait,
     wait_until,
 )
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.stages.predicates import BoxRegion
-from duobench.types import SIDES, Side
+from duobench.tasks.stages.predicates import BoxRegion
+from duobench.world.sim.simulation import Simulation
 from tests.steps import Act, do
 
 

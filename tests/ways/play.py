@@ -9,8 +9,8 @@ from types import ModuleType
 
 import numpy as np
 
-from duobench.sim.simulation import Simulation
-from duobench.types import OPENING_SLOTS, SIDES, Side
+from duobench.core.types import OPENING_SLOTS, SIDES, Side
+from duobench.world.sim.simulation import Simulation
 from tests.task_harness import TaskHarness
 from tests.ways.way import Hands, Way, WayFailedError
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.experts.handling import pick, place, tool_for
-from duobench.experts.motion import (
+from duobench.core.spatial import SE3
+from duobench.core.types import SIDES, Side
+from duobench.tasks.experts.handling import pick, place, tool_for
+from duobench.tasks.experts.motion import (
     CAREFUL,
     NEAR,
     Arms,
@@ -24,7 +26,7 @@ from duobench.experts.motion import (
     wait,
     wait_until,
 )
-from duobench.experts.scripts.pour_marbles import (
+from duobench.tasks.experts.scripts.pour_marbles import (
     HOLD_TILT,
     POUR_TILT,
     bring_back,
@@ -35,12 +37,10 @@ from duobench.experts.scripts.pour_marbles import (
     take,
     turn_upright,
 )
-from duobench.objects.cup import HEIGHT, INNER_RADIUS, WALL
-from duobench.scene.naming import TABLE
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
 from duobench.tasks.pour_marbles import CUPS, HALF_SQUARE, MARBLES, SQUARES
-from duobench.types import SIDES, Side
+from duobench.world.objects.cup import HEIGHT, INNER_RADIUS, WALL
+from duobench.world.scene.naming import TABLE
+from duobench.world.sim.simulation import Simulation
 from tests.steps import do, to
 from tests.ways.way import ONE, TURNS, Way, cheats, left_alone, random_tempo, tilt, ways_to
 

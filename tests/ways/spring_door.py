@@ -8,8 +8,9 @@ from itertools import chain
 
 import numpy as np
 
-from duobench.experts.handling import LET_GO, pick_cube
-from duobench.experts.motion import (
+from duobench.core.spatial import SE3
+from duobench.tasks.experts.handling import LET_GO, pick_cube
+from duobench.tasks.experts.motion import (
     CAREFUL,
     CLOSED,
     NEAR,
@@ -23,7 +24,7 @@ from duobench.experts.motion import (
     together,
     wait,
 )
-from duobench.experts.scripts.spring_door import (
+from duobench.tasks.experts.scripts.spring_door import (
     HOLDER,
     INSERTER,
     at_bar,
@@ -32,11 +33,18 @@ from duobench.experts.scripts.spring_door import (
     open_door,
     reach_in,
 )
-from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.microwave import BAR, CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, HEIGHT, HINGE
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
 from duobench.tasks.spring_door import FLOOR_REGION, OPEN_ANGLE
+from duobench.world.objects.blocks import CUBE_EDGE
+from duobench.world.objects.microwave import (
+    BAR,
+    CAVITY,
+    CAVITY_CENTRE_Y,
+    FLOOR,
+    FRONT,
+    HEIGHT,
+    HINGE,
+)
+from duobench.world.sim.simulation import Simulation
 from tests.steps import at_once, back, by, do, pause, to
 from tests.ways.opening import Opening
 from tests.ways.way import (

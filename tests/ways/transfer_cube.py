@@ -8,15 +8,21 @@ from functools import partial
 
 import numpy as np
 
-from duobench.experts.handling import tool_for
-from duobench.experts.handover import Bar, hanging, let_go, pick_bar, present, receive_pose
-from duobench.experts.motion import CAREFUL, OPEN, Arms, Script, down, grip
-from duobench.experts.scripts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
-from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
-from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.types import SIDES, Array, Side
+from duobench.core.spatial import SE3
+from duobench.core.types import SIDES, Array, Side
+from duobench.tasks.experts.handling import tool_for
+from duobench.tasks.experts.handover import Bar, hanging, let_go, pick_bar, present, receive_pose
+from duobench.tasks.experts.motion import CAREFUL, OPEN, Arms, Script, down, grip
+from duobench.tasks.experts.scripts.transfer_cube import (
+    BAR,
+    MEETING_POINT,
+    RECEIVER_GRIP,
+    RISE,
+    SLANT,
+)
+from duobench.world.objects.blocks import CUBE_EDGE, LONG_BLOCK
+from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
+from duobench.world.sim.simulation import Simulation
 from tests.steps import Act, bring, by, clear_of, do, drop, hand_back, lower, meet, pick_lying, to
 from tests.ways import handing
 from tests.ways.way import ONE, TURNS, Way, cheats, random_tempo, ways_to

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from duobench.experts.handover import Bar, clasp, let_go, pick_bar, present, receive_pose
-from duobench.experts.motion import CAREFUL, OPEN, Arms, Script, down, grip
-from duobench.experts.scripts.transfer_gate import (
+from duobench.core.spatial import SE3
+from duobench.core.types import Side
+from duobench.tasks.experts.handover import Bar, clasp, let_go, pick_bar, present, receive_pose
+from duobench.tasks.experts.motion import CAREFUL, OPEN, Arms, Script, down, grip
+from duobench.tasks.experts.scripts.transfer_gate import (
     BAR,
     BEYOND,
     LEAN,
@@ -20,11 +22,9 @@ from duobench.experts.scripts.transfer_gate import (
     reach_through,
     ring,
 )
-from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.gate import MAT_EDGE, MAT_THICKNESS, RING_HEIGHT, RING_RADIUS
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.types import Side
+from duobench.world.objects.blocks import CUBE_EDGE
+from duobench.world.objects.gate import MAT_EDGE, MAT_THICKNESS, RING_HEIGHT, RING_RADIUS
+from duobench.world.sim.simulation import Simulation
 from tests.steps import bring, by, clear_of, do, drop, lower, pick_lying, to
 from tests.ways import handing
 from tests.ways.way import ONE, TURNS, Way, cheats, random_tempo, ways_to

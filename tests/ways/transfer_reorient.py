@@ -8,10 +8,12 @@ from functools import partial
 
 import numpy as np
 
-from duobench.experts.handling import tool_for
-from duobench.experts.handover import Bar, let_go, pick_bar, present, tool
-from duobench.experts.motion import Arms, Script, grip, move, nearest_turn, release, wait
-from duobench.experts.scripts.transfer_reorient import (
+from duobench.core.spatial import SE3
+from duobench.core.types import Side
+from duobench.tasks.experts.handling import tool_for
+from duobench.tasks.experts.handover import Bar, let_go, pick_bar, present, tool
+from duobench.tasks.experts.motion import Arms, Script, grip, move, nearest_turn, release, wait
+from duobench.tasks.experts.scripts.transfer_reorient import (
     BAR,
     MEETING_POINT,
     RECEIVER_GRIP,
@@ -20,10 +22,8 @@ from duobench.experts.scripts.transfer_reorient import (
     lead,
     upright,
 )
-from duobench.objects.hexagon_peg import ACROSS_FLATS, BOARD_HEIGHT, HEXAGON, PEG_LENGTH
-from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.types import Side
+from duobench.world.objects.hexagon_peg import ACROSS_FLATS, BOARD_HEIGHT, HEXAGON, PEG_LENGTH
+from duobench.world.sim.simulation import Simulation
 from tests.steps import back, bring, clear_of, do, drop, hand_back, meet, to
 from tests.ways import handing
 from tests.ways.way import ONE, TURNS, Way, cheats, random_tempo, ways_to

@@ -18,10 +18,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from duobench.experts.motion import Arms, Script
-from duobench.sim.contacts import Limb, limb_owner
-from duobench.sim.simulation import Simulation
-from duobench.types import SIDES, Side
+from duobench.core.types import SIDES, Side
+from duobench.tasks.experts.motion import Arms, Script
+from duobench.world.sim.contacts import Limb, limb_owner
+from duobench.world.sim.simulation import Simulation
 from tests.steps import Act, do
 
 Deed = Callable[[Simulation], bool]

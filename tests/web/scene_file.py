@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.spatial import matrix_from_wxyz
+from duobench.core.spatial import matrix_from_wxyz
 
 NO_SHADOWS = 1 << 16
 

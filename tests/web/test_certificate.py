@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from duobench.cli.shared.page import PageOptions
-from duobench.errors import ServingError
+from duobench.core.errors import ServingError
 from duobench.web.access import make_certificate, own_hosts
 from duobench.web.server import PageServer
 from tests.web.pages import open_page

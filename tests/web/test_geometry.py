@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from duobench.errors import DuoBenchError
-from duobench.looks.look import Light, Look, Material
-from duobench.robot.cameras import OVERVIEW_VIEW
-from duobench.sim import placement
-from duobench.sim.layout import Layout
-from duobench.sim.simulation import Simulation
+from duobench.core.errors import DuoBenchError
 from duobench.tasks import get, names
 from duobench.tasks.task import Task
 from duobench.web.geometry import Geometry
+from duobench.world.looks.look import Light, Look, Material
+from duobench.world.robot.cameras import OVERVIEW_VIEW
+from duobench.world.sim import placement
+from duobench.world.sim.layout import Layout
+from duobench.world.sim.simulation import Simulation
 from tests.web.scene_file import NO_SHADOWS, SceneFile, read_scene
 
 MOST_BYTES = 70_000

@@ -5,12 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from duobench.errors import DataError, OptionError, UnknownNameError
-from duobench.sim.simulation import Simulation
+from duobench.core.errors import DataError, OptionError, UnknownNameError
 from duobench.tasks import get
 from duobench.web.geometry import Geometry
 from duobench.web.page import EpisodeReplay, assets, replay_fragment, replay_page
 from duobench.web.track import encode
+from duobench.world.sim.simulation import Simulation
 
 FIRST_LOAD = 150_000
 POSES = np.tile(np.array([0.0, 0, 0, 1, 0, 0, 0]), (30, 2, 1))

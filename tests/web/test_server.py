@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from duobench.errors import MessageError, ServingError
+from duobench.core.errors import MessageError, ServingError
 from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, PageMessage, pack_frame
 from duobench.web.server import PageServer
 from tests.web.pages import get, open_page, unpack_frame, wait_until

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from duobench.errors import DataError
+from duobench.core.errors import DataError
 from duobench.tasks import get
 from duobench.web.geometry import Geometry
 from duobench.web.track import decode, encode, length

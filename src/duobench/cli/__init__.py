@@ -11,8 +11,8 @@ from pathlib import Path
 
 from duobench.cli.shared.process import leave, leaving_at_once
 from duobench.cli.shared.spelling import check_names
-from duobench.errors import DuoBenchError, escaped
-from duobench.machine import fill_streams
+from duobench.core.errors import DuoBenchError, escaped
+from duobench.core.machine import fill_streams
 
 VERBOSE = "--verbose"
 

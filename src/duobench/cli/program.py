@@ -11,7 +11,7 @@ from duobench.cli.shared.console import say
 from duobench.cli.shared.process import find_scratch
 from duobench.cli.shared.spelling import check_spelling
 from duobench.cli.verbs import data, docs, doctor, episodes, policies, runs, tasks, teleop
-from duobench.versions import __version__
+from duobench.core.versions import __version__
 
 DESCRIPTION = (
     "A benchmark for two-armed manipulation on the Franka FR3 Duo. "

@@ -12,12 +12,12 @@ from itertools import chain, count
 from pathlib import Path
 from shutil import copyfile
 
+from duobench.core.errors import DataError, NamesTakenError
+from duobench.core.files import check_outside, locked, replacing, write
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
-from duobench.errors import DataError, NamesTakenError
-from duobench.files import check_outside, locked, replacing, write
 
 
 def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int:

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from duobench.core.errors import DataError
+from duobench.core.files import encode, make_folder, read, write
+from duobench.core.randomness import episode_seed
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.stream import INTERRUPTED
-from duobench.errors import DataError
-from duobench.files import encode, make_folder, read, write
-from duobench.randomness import episode_seed
 
 ATTEMPTS, TAKES = "attempts.json", "takes"
 """What `record` has played, by which it goes on; and the folder of what people have led, one file a

@@ -5,13 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from duobench.data.dataset import DESCRIPTION, DataSet
-from duobench.data.summary import summarize
-from duobench.envs import state_labels
-from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import DataError, escaped
-from duobench.files import make_folder, read_object, write
-from duobench.lerobot_keys import (
+from duobench.core.errors import DataError, escaped
+from duobench.core.files import make_folder, read_object, write
+from duobench.core.lerobot_keys import (
     CARD,
     FORMAT,
     IMAGE_PREFIX,
@@ -21,9 +17,13 @@ from duobench.lerobot_keys import (
     check_card,
     feature_names,
 )
-from duobench.pages import render
+from duobench.core.pages import render
+from duobench.core.types import CONTROL_HZ
+from duobench.data.dataset import DESCRIPTION, DataSet
+from duobench.data.summary import summarize
+from duobench.envs import state_labels
+from duobench.envs.spaces import JOINT_NAMES
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ
 
 PICTURES = "pictures"
 """Folder of what a card shows: made of recordings; an export shows the JPEGs that are there."""

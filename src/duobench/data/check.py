@@ -10,6 +10,11 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 
+from duobench.core.errors import DataError, DuoBenchError, FileError, ForeignTaskError
+from duobench.core.files import CHECKSUM, checksum, digest_of, read_object
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.types import POLICY_CAMERAS
+from duobench.core.versions import package_versions
 from duobench.data.attempts import ATTEMPTS, RUN, compared
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.processes import Progress, run_all
@@ -21,12 +26,7 @@ from duobench.envs.config import LAYOUT, SPLIT
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
-from duobench.errors import DataError, DuoBenchError, FileError, ForeignTaskError
-from duobench.files import CHECKSUM, checksum, digest_of, read_object
-from duobench.randomness import SUITE_VERSION
-from duobench.shifts.shift import NO_SHIFT
-from duobench.types import POLICY_CAMERAS
-from duobench.versions import package_versions
+from duobench.tasks.shifts.shift import NO_SHIFT
 
 _GAPPY = ("frame_age", "left_robot_state", "right_robot_state")
 """Columns that are NaN where a device said nothing."""

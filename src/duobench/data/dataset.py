@@ -6,11 +6,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from duobench.data import stream
-from duobench.data.recording import Recording
-from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
-from duobench.errors import DataError, check_known
-from duobench.files import (
+from duobench.core.errors import DataError, check_known
+from duobench.core.files import (
     begin_or_continue,
     check_there,
     differences,
@@ -20,9 +17,12 @@ from duobench.files import (
     write,
     writing,
 )
-from duobench.randomness import SUITE_VERSION
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.versions import package_versions
+from duobench.data import stream
+from duobench.data.recording import Recording
+from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.tasks import catalog
-from duobench.versions import package_versions
 
 DESCRIPTION = "dataset.json"
 """What makes a folder a data set."""

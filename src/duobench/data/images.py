@@ -12,20 +12,20 @@ import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from duobench.backend import Image
+from duobench.core.backend import Image
+from duobench.core.errors import DataError, DuoBenchError, OptionError
+from duobench.core.types import POLICY_CAMERAS, as_several, as_size
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
 from duobench.envs.config import IMAGE_SIZE
-from duobench.errors import DataError, DuoBenchError, OptionError
-from duobench.looks.catalog import DEFAULT, as_look
-from duobench.looks.look import Look
-from duobench.sim.backend import SimBackend
-from duobench.sim.layout import Layout
-from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task
-from duobench.types import POLICY_CAMERAS, as_several, as_size
+from duobench.world.looks.catalog import DEFAULT, as_look
+from duobench.world.looks.look import Look
+from duobench.world.sim.backend import SimBackend
+from duobench.world.sim.layout import Layout
+from duobench.world.sim.simulation import Simulation
 
 
 class ImageSource:

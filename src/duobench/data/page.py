@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
+from duobench.core.files import write
+from duobench.core.pages import render
+from duobench.core.types import CONTROL_HZ, HEAD
+from duobench.core.video import jpeg
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource, RecordedImages, resized
 from duobench.data.recording import Recording
 from duobench.data.summary import JUMP, REVERSAL, Summary
-from duobench.files import write
-from duobench.pages import render
-from duobench.types import CONTROL_HZ, HEAD
-from duobench.video import jpeg
 
 PAGE = "index.html"
 """Name of the page in the folder of the data set."""

@@ -10,8 +10,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
-from duobench.errors import DataError, DuoBenchError, traceback_text
-from duobench.machine import fill_streams, watch_parent
+from duobench.core.errors import DataError, DuoBenchError, traceback_text
+from duobench.core.machine import fill_streams, watch_parent
 
 J = TypeVar("J")
 R = TypeVar("R")

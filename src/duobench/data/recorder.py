@@ -11,7 +11,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duobench.backend import DuoLimits
+from duobench.core.backend import DuoLimits
+from duobench.core.errors import BackendError, DataError
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.types import CONTROL_HZ, Array
+from duobench.core.versions import package_versions
 from duobench.data.dataset import DataSet
 from duobench.data.schema import Actor, Domain, EpisodeInfo, Outcome, steps_after_success
 from duobench.data.stream import EpisodeRows, outcome_of
@@ -29,12 +33,8 @@ from duobench.envs.duo_env import (
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.execution import optional_method
 from duobench.envs.rewards import reward_of
-from duobench.errors import BackendError, DataError
-from duobench.looks.catalog import as_look
-from duobench.randomness import SUITE_VERSION
-from duobench.robot.cameras import describe_cameras
-from duobench.types import CONTROL_HZ, Array
-from duobench.versions import package_versions
+from duobench.world.looks.catalog import as_look
+from duobench.world.robot.cameras import describe_cameras
 
 if TYPE_CHECKING:
     from duobench.data.rig import RigRecorder

@@ -13,10 +13,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from duobench.core.errors import DataError, FileError
+from duobench.core.files import decode, encode, write
+from duobench.core.types import Array
 from duobench.data.schema import COLUMNS, INFO_KEY, SCHEMA, Column, EpisodeInfo
-from duobench.errors import DataError, FileError
-from duobench.files import decode, encode, write
-from duobench.types import Array
 
 _CHECKSUM_KEY = INFO_KEY + b".sha256"
 COMPRESSION_LEVEL = 1

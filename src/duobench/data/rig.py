@@ -6,19 +6,19 @@ from typing import Any, Protocol
 import msgspec
 import numpy as np
 
+from duobench.core.types import SIDES, DuoState, Side
 from duobench.data.schema import RigFacts, VideoFacts
 from duobench.data.stream import EpisodeRows, EpisodeStream
 from duobench.data.videos import Camera, Videos
-from duobench.robot.frames import tcp_poses
-from duobench.sim.layout import Layout
-from duobench.types import SIDES, DuoState, Side
+from duobench.world.robot.frames import tcp_poses
+from duobench.world.sim.layout import Layout
 
 _MEASURED = ("time_s", "joints", "velocities", "torques")
 """What every driver measures, beside its own robot state."""
 
 
 class RigState(Protocol):
-    """Two arms with cameras on a rig, as `duobench.hardware` makes them: what they say and see."""
+    """Two arms with cameras on a rig, as `duobench.real` makes them: what they say and see."""
 
     @property
     def rig(self) -> Any:

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
+from duobench.core.errors import OptionError
+from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.envs import action_modes
 from duobench.envs.action_modes import JOINT, ActionMode
 from duobench.envs.config import EnvConfig
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import OptionError
-from duobench.types import CONTROL_HZ, SIDES
 
 SCHEMA = 5
 """Version of the columns and of `EpisodeInfo`; raised when one is removed or changes, or is added

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.core.errors import DataError, DuoBenchError, FileError, OutputError
+from duobench.core.files import check_there, decode, encode, lock, make_folder, remove, writing
 from duobench.data.recording import Recording, success_start
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
 from duobench.data.videos import Videos, recovered
-from duobench.errors import DataError, DuoBenchError, FileError, OutputError
-from duobench.files import check_there, decode, encode, lock, make_folder, remove, writing
 
 SUFFIX = ".part"
 """Ending of the file of an episode that is being recorded."""

@@ -7,17 +7,17 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.core.errors import DataError
+from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
 from duobench.data.attempts import SKIPPED, Attempt, compared, of_task
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
 from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import DataError
-from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
+from duobench.world.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 
 LONG = 0.99
 """Share of episodes that are at most as long as the length that is compared with the horizon."""

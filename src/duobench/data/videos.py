@@ -18,12 +18,12 @@ import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from duobench.backend import Image
+from duobench.core.backend import Image
+from duobench.core.errors import DataError, DuoBenchError, OutputError
+from duobench.core.files import digest_of, remove
+from duobench.core.types import CONTROL_HZ
+from duobench.core.video import H264, VideoWriter
 from duobench.data.schema import EpisodeInfo, VideoFacts, video_path
-from duobench.errors import DataError, DuoBenchError, OutputError
-from duobench.files import digest_of, remove
-from duobench.types import CONTROL_HZ
-from duobench.video import H264, VideoWriter
 
 QUEUE = 20
 """Frames of a camera that wait for its encoder at most: 0.7 seconds, which is what a kill may cost,

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from duobench.references import lazy
+from duobench.core.references import lazy
 
 if TYPE_CHECKING:
     from duobench.envs.action_modes import ACTION_MODES as ACTION_MODES

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.core.errors import ActionError
+from duobench.core.spatial import rotation_vector, wxyz_from_matrix
+from duobench.core.types import SIDES, Array
 from duobench.envs import action_modes
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT, ActionMode
-from duobench.errors import ActionError
-from duobench.spatial import rotation_vector, wxyz_from_matrix
-from duobench.types import SIDES, Array
 
 ROTATION_SIZE = 6
 MIN_LENGTH = 1e-3

@@ -9,10 +9,10 @@ from types import MappingProxyType
 
 import gymnasium as gym
 
-from duobench.backend import DuoLimits
+from duobench.core.backend import DuoLimits
+from duobench.core.errors import check_known
+from duobench.core.types import SIDES
 from duobench.envs import spaces
-from duobench.errors import check_known
-from duobench.types import SIDES
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

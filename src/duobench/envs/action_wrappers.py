@@ -6,16 +6,16 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from duobench.core.errors import ActionError
+from duobench.core.spatial import SE3, length, product, rotation_by
+from duobench.core.types import ARM_JOINTS, SIDE_SIZE, SIDES, Array, DuoCommand, Side
 from duobench.envs import spaces
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.envs.duo_env import ActionModeWrapper, DuoWrapper, ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.execution import execute
 from duobench.envs.spaces import opening_slots
-from duobench.errors import ActionError
-from duobench.kinematics.inverse import Kinematics
-from duobench.spatial import SE3, length, product, rotation_by
-from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, Array, DuoCommand, Side
+from duobench.world.kinematics.inverse import Kinematics
 
 THRESHOLD = 0.5
 """Openings from here on mean open."""

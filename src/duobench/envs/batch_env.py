@@ -18,6 +18,8 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
+from duobench.core.errors import ActionError, OptionError, SimulationError
+from duobench.core.types import OPENING_SLOTS, Array
 from duobench.envs import spaces
 from duobench.envs.action_modes import JOINT, JOINT_RELATIVE
 from duobench.envs.action_wrappers import THRESHOLD
@@ -43,17 +45,15 @@ from duobench.envs.observation_wrappers import PIXELS, flat_entries
 from duobench.envs.registration import WARP
 from duobench.envs.rewards import DENSE, reward_of
 from duobench.envs.sim_env import sim_of
-from duobench.errors import ActionError, OptionError, SimulationError
-from duobench.robot.joints import RANGE_MARGIN, SERVO_LAG, duo_limits
-from duobench.shifts.levels import level_for
-from duobench.shifts.samples import UNSCALED
-from duobench.shifts.shift import PHYSICS, SENSING
-from duobench.sim.batch import SimulationBatch
-from duobench.sim.thread_batch import ThreadBatch
-from duobench.sim.warp_batch import WarpBatch
-from duobench.stages.batch import Booleans, ProgressBatch
 from duobench.tasks.object_state import ENVIRONMENT_STATE
-from duobench.types import OPENING_SLOTS, Array
+from duobench.tasks.shifts.levels import level_for
+from duobench.tasks.shifts.samples import UNSCALED
+from duobench.tasks.shifts.shift import PHYSICS, SENSING
+from duobench.tasks.stages.batch import Booleans, ProgressBatch
+from duobench.world.robot.joints import RANGE_MARGIN, SERVO_LAG, duo_limits
+from duobench.world.sim.batch import SimulationBatch
+from duobench.world.sim.thread_batch import ThreadBatch
+from duobench.world.sim.warp_batch import WarpBatch
 
 MODES = (JOINT.name, JOINT_RELATIVE.name)
 RESET_MASK, STATES = "reset_mask", "states"

@@ -4,22 +4,22 @@ from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
-from duobench.envs import action_modes
-from duobench.envs.rewards import REWARDS, STAGE
-from duobench.errors import (
+from duobench.core.errors import (
     OptionError,
     UnknownNameError,
     UnknownOptionError,
     check_known,
     escaped,
 )
-from duobench.looks.catalog import DEFAULT, as_look
-from duobench.looks.look import Look
-from duobench.randomness import EVAL, SPLITS
-from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
-from duobench.robot.joints import check_speed_fraction
-from duobench.shifts.shift import NO_SHIFT, Shift
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_several, as_size, as_whole
+from duobench.core.randomness import EVAL, SPLITS
+from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_several, as_size, as_whole
+from duobench.envs import action_modes
+from duobench.envs.rewards import REWARDS, STAGE
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift
+from duobench.world.looks.catalog import DEFAULT, as_look
+from duobench.world.looks.look import Look
+from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.world.robot.joints import check_speed_fraction
 
 RENDER_MODES = ("rgb_array",)
 RENDERED = "rgb_array gives images; duobench view bin_sort shows the task in a browser."
@@ -85,7 +85,7 @@ class EnvConfig:
     render_size: tuple[int, int] = RENDER_SIZE
     """Height and width of the image that `render` gives, in pixels; at most 720 x 1280."""
     look: str | Look = DEFAULT
-    """How images look: a name of `duobench.looks.catalog.look`, or a look of one's own."""
+    """How images look: a name of `duobench.world.looks.catalog.look`, or a look of one's own."""
     shift: Shift = NO_SHIFT
     """What differs from the usual episodes; see duobench docs robustness."""
 

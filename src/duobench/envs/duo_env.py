@@ -14,14 +14,14 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.backend import DuoBackend
+from duobench.core.backend import DuoBackend
+from duobench.core.errors import BackendError, DuoBenchError, OptionError, escaped
+from duobench.core.types import CONTROL_HZ, Array, DuoCommand
 from duobench.envs import spaces
 from duobench.envs.action_modes import ActionMode
 from duobench.envs.config import EnvConfig, checked_reset_options, checked_seed
 from duobench.envs.episode_state import EpisodeState, StateError
-from duobench.errors import BackendError, DuoBenchError, OptionError, escaped
 from duobench.tasks.task import Task
-from duobench.types import CONTROL_HZ, Array, DuoCommand
 
 Observation = dict[str, Any]
 Info = dict[str, Any]

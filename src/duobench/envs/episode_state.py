@@ -5,13 +5,13 @@ import json
 from dataclasses import asdict, dataclass
 from typing import TypeVar
 
-from duobench.errors import DuoBenchError
-from duobench.looks.look import Look
-from duobench.shifts.samples import UNSCALED, PhysicsScale
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
-from duobench.stages.progress import ProgressState
-from duobench.types import Array, Side
+from duobench.core.errors import DuoBenchError
+from duobench.core.spatial import SE3
+from duobench.core.types import Array, Side
+from duobench.tasks.shifts.samples import UNSCALED, PhysicsScale
+from duobench.tasks.stages.progress import ProgressState
+from duobench.world.looks.look import Look
+from duobench.world.sim.layout import Layout
 
 T = TypeVar("T")
 

@@ -5,6 +5,8 @@ from typing import Any, Protocol
 
 import gymnasium as gym
 
+from duobench.core.errors import OptionError, check_known
+from duobench.core.randomness import EVAL, SPLITS, instruction_number
 from duobench.envs.config import (
     INSTRUCTION,
     LAYOUT,
@@ -26,10 +28,8 @@ from duobench.envs.duo_env import (
 )
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.rewards import DENSE, PROGRESS, REWARDS, STAGE, reward_of
-from duobench.errors import OptionError, check_known
-from duobench.randomness import EVAL, SPLITS, instruction_number
-from duobench.stages.logic import Words
-from duobench.stages.progress import ProgressState
+from duobench.tasks.stages.logic import Words
+from duobench.tasks.stages.progress import ProgressState
 
 SEEDS = 2**32
 """A reset without a seed samples one below this number."""

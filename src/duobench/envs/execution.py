@@ -8,8 +8,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import OptionError
-from duobench.types import CONTROL_HZ, as_count, as_whole
+from duobench.core.errors import OptionError
+from duobench.core.types import CONTROL_HZ, as_count, as_whole
 
 MAX_LATENCY = 300
 """Longest latency in control steps: ten seconds, after which most episodes would be over."""

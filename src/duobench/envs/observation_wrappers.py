@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any, cast
 import gymnasium as gym
 import numpy as np
 
+from duobench.core.errors import OptionError, check_known
+from duobench.core.randomness import EVAL
+from duobench.core.types import POLICY_CAMERAS, Array, as_several
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import (
     DuoWrapper,
@@ -20,19 +23,16 @@ from duobench.envs.duo_env import (
     base_of,
 )
 from duobench.envs.episode_state import EpisodeState
-from duobench.errors import OptionError, check_known
-from duobench.randomness import EVAL
-from duobench.robot.cameras import check_image_size
-from duobench.shifts import levels
-from duobench.shifts.levels import level_for
-from duobench.shifts.samples import EpisodeKey
-from duobench.shifts.shift import SENSING, Shift
 from duobench.tasks.object_state import ENVIRONMENT_STATE, LARGEST
-from duobench.types import POLICY_CAMERAS, Array, as_several
+from duobench.tasks.shifts import levels
+from duobench.tasks.shifts.levels import level_for
+from duobench.tasks.shifts.samples import EpisodeKey
+from duobench.tasks.shifts.shift import SENSING, Shift
+from duobench.world.robot.cameras import check_image_size
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
-    from duobench.sim.backend import SimBackend
+    from duobench.world.sim.backend import SimBackend
 
 PIXELS = "pixels"
 """Key of the images in an observation."""
@@ -246,8 +246,8 @@ class Sensing(DuoWrapper):
 
     def _seen(self, camera: str, age: int, shape: tuple[int, int]) -> Any:
         if self._past_backend is None:
-            from duobench.sim.backend import SimBackend
-            from duobench.sim.simulation import Simulation
+            from duobench.world.sim.backend import SimBackend
+            from duobench.world.sim.simulation import Simulation
 
             task = self._base.definition
             self._past_backend = SimBackend(Simulation(task.props, task.overview))

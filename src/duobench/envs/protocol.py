@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
+from duobench.core.errors import OptionError
+from duobench.core.references import load
 from duobench.envs import action_modes
 from duobench.envs.action_wrappers import ActionChunks, BinaryGripper
 from duobench.envs.config import VARIED, EnvConfig
@@ -17,11 +19,9 @@ from duobench.envs.duo_env import DuoWrapper
 from duobench.envs.episode_wrappers import RandomizedReset, TaskStages, TimeLimit
 from duobench.envs.observation_wrappers import Cameras, FlatObservations, ObjectStates, Sensing
 from duobench.envs.registration import WRAPPERS
-from duobench.errors import OptionError
-from duobench.references import load
-from duobench.shifts.levels import level_for
-from duobench.shifts.shift import SENSING
 from duobench.tasks import catalog
+from duobench.tasks.shifts.levels import level_for
+from duobench.tasks.shifts.shift import SENSING
 from duobench.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
 
 def make_base(task: str | Task, **options: Any) -> SimEnv:
     """The environment of `make_env` without its wrappers."""
-    from duobench.sim.opengl import load_engine
+    from duobench.world.sim.opengl import load_engine
 
     load_engine()
     from duobench.envs.sim_env import SimEnv

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec, WrapperSpec
 
-from duobench.errors import DuoBenchError, OptionError
+from duobench.core.errors import DuoBenchError, OptionError
+from duobench.core.types import as_count, as_several
 from duobench.tasks import catalog
-from duobench.types import as_count, as_several
 
 if TYPE_CHECKING:
-    from duobench.looks.look import Look
-    from duobench.shifts.shift import Shift
+    from duobench.tasks.shifts.shift import Shift
     from duobench.tasks.task import Task
+    from duobench.world.looks.look import Look
 
 NAMESPACE = "duobench"
 VERSION = 1
@@ -107,7 +107,7 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
             - `control_rate_hz` (30.0): control steps a second; there is one rate.
             - `render_mode` (None): "rgb_array", for `render`.
             - `render_size` (480, 640): height and width of its image, in pixels.
-            - `look` ("default"): how images look; `duobench.looks.names()` lists them.
+            - `look` ("default"): how images look; `duobench.world.looks.names()` lists them.
             - `shift` ("none"): what is harder than usual, such as "look-3".
             - `max_episode_steps` (None): Gymnasium's name of `horizon`; -1 for none.
 
@@ -164,7 +164,7 @@ def make_vec(
             f"engine is one of {', '.join(ENGINES)}, and {WARP} takes no threads; got {engine!r}."
         )
     if threads is not None or engine == WARP:
-        from duobench.sim.opengl import load_engine
+        from duobench.world.sim.opengl import load_engine
 
         load_engine()
         from duobench.envs.batch_env import BatchEnv

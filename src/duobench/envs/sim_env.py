@@ -8,6 +8,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.core.errors import DuoBenchError, LayoutError, UnknownNameError
+from duobench.core.randomness import EVAL
 from duobench.envs.config import (
     INSTRUCTION,
     LAYOUT,
@@ -29,12 +31,7 @@ from duobench.envs.duo_env import (
     base_of,
 )
 from duobench.envs.episode_state import EpisodeState
-from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
-from duobench.looks.catalog import DEFAULT, as_look
-from duobench.looks.look import Look
-from duobench.randomness import EVAL
-from duobench.robot.cameras import OVERVIEW
-from duobench.shifts.samples import (
+from duobench.tasks.shifts.samples import (
     UNSCALED,
     EpisodeKey,
     PhysicsScale,
@@ -43,13 +40,16 @@ from duobench.shifts.samples import (
     shifted_look,
     shifted_task,
 )
-from duobench.shifts.shift import NO_SHIFT, Shift
-from duobench.sim import placement
-from duobench.sim.backend import SimBackend
-from duobench.sim.layout import Layout
-from duobench.sim.simulation import Simulation
-from duobench.stages.progress import Progress, ProgressState, check_names
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift
+from duobench.tasks.stages.progress import Progress, ProgressState, check_names
 from duobench.tasks.task import Task
+from duobench.world.looks.catalog import DEFAULT, as_look
+from duobench.world.looks.look import Look
+from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.sim import placement
+from duobench.world.sim.backend import SimBackend
+from duobench.world.sim.layout import Layout
+from duobench.world.sim.simulation import Simulation
 
 DEFAULT_SEED = 0
 """A reset without a layout uses the one that this seed samples."""

@@ -11,9 +11,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duobench.backend import DuoLimits
-from duobench.errors import ActionError
-from duobench.types import ARM_JOINTS, SIDES, Array, real_array
+from duobench.core.backend import DuoLimits
+from duobench.core.errors import ActionError
+from duobench.core.types import ARM_JOINTS, SIDES, Array, real_array
 
 JOINT_MARGIN = 0.5
 """How far a measured joint may be outside its range, in radians; the engine's limits are soft."""

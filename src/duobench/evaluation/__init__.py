@@ -1,11 +1,11 @@
 """Evaluation: rollouts of a policy on a suite of tasks, their records, and what they add up to.
 
-`rollout` plays an episode, and `episode` makes a record of it; `duobench.runners` plays many.
+`rollout` plays an episode, `episode` makes a record of it, `runners` plays many.
 """
 
 from typing import TYPE_CHECKING
 
-from duobench.references import lazy
+from duobench.core.references import lazy
 
 if TYPE_CHECKING:
     from duobench.envs.execution import Step as Step

@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from types import TracebackType
 from typing import Any
 
-from duobench.errors import (
+from duobench.core.errors import (
     DuoBenchError,
     MachineryError,
     TaskFailedError,
@@ -30,19 +30,19 @@ class Place(Enum):
 
 
 _PLACES: Mapping[str, Place] = {
-    "duobench.sim.rendering:*": Place.RENDERING,
+    "duobench.world.sim.rendering:*": Place.RENDERING,
     "duobench.evaluation.video:*": Place.RENDERING,
-    "duobench.video:*": Place.RENDERING,
-    "duobench.objects.*:*": Place.TASK,
-    "duobench.scene.*:*": Place.TASK,
-    "duobench.sim.simulation:Simulation.__init__": Place.TASK,
+    "duobench.core.video:*": Place.RENDERING,
+    "duobench.world.objects.*:*": Place.TASK,
+    "duobench.world.scene.*:*": Place.TASK,
+    "duobench.world.sim.simulation:Simulation.__init__": Place.TASK,
     "duobench.envs.sim_env:SimEnv._begin": Place.TASK,
     "duobench.envs.sim_env:SimJudge.*": Place.TASK,
     "duobench.tasks.*:*": Place.TASK,
-    "duobench.stages.*:*": Place.TASK,
+    "duobench.tasks.stages.*:*": Place.TASK,
     "duobench.envs.*:*.check_action": Place.ACTION,
-    "duobench.kinematics.*:*": Place.ACTION,
-    "duobench.sim.backend:SimBackend.command": Place.ACTION,
+    "duobench.world.kinematics.*:*": Place.ACTION,
+    "duobench.world.sim.backend:SimBackend.command": Place.ACTION,
 }
 """Places by the module and the function that lead to them: the outermost one counts."""
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import gymnasium as gym
 
+from duobench.core.errors import PolicyTimeoutError
+from duobench.core.machine import HERE, Awake
 from duobench.envs.duo_env import base_of
-from duobench.errors import PolicyTimeoutError
-from duobench.machine import HERE, Awake
 from duobench.results.journal import EpisodeTimes
 from duobench.results.run import TimeLimits
 

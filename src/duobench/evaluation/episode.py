@@ -11,17 +11,19 @@ from typing import Generic, Protocol, TypeVar
 import gymnasium as gym
 import msgspec
 
-from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
-from duobench.data.stream import INTERRUPTED
-from duobench.envs.config import FIXED, EnvConfig
-from duobench.envs.execution import Step, optional_method
-from duobench.envs.registration import make
-from duobench.errors import (
+from duobench.core.errors import (
     DataError,
     PolicyError,
     TaskFailedError,
     escaped,
 )
+from duobench.core.randomness import EVAL, SALTED, episode_seed
+from duobench.core.versions import package_source, package_versions, record_versions, source_hashes
+from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
+from duobench.data.stream import INTERRUPTED
+from duobench.envs.config import FIXED, EnvConfig
+from duobench.envs.execution import Step, optional_method
+from duobench.envs.registration import make
 from duobench.evaluation.blame import Asking, before_policy
 from duobench.evaluation.clock import EpisodeClock, Stopwatch
 from duobench.evaluation.policies import PolicyChoice, PolicySource
@@ -32,13 +34,11 @@ from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.policy.serving.codec import pack
-from duobench.randomness import EVAL, SALTED, episode_seed
 from duobench.results.journal import EpisodeTimes
 from duobench.results.records import NOT_REPEATABLE, EpisodeRecord, FirstAnswer
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
-from duobench.sim.rendering import describe
-from duobench.versions import package_source, package_versions, record_versions, source_hashes
+from duobench.world.sim.rendering import describe
 
 _log = logging.getLogger(__name__)
 

@@ -12,18 +12,14 @@ from typing import Any, Self
 
 import gymnasium as gym
 
-from duobench.envs.sim_env import sim_of
-from duobench.errors import (
+from duobench.core.errors import (
     PolicyError,
     PolicyFailedError,
     check_known,
     foreign_traceback,
     is_machinery,
 )
-from duobench.experts.expert import Expert, find_script
-from duobench.experts.motion import wait
-from duobench.experts.scripts import blind
-from duobench.experts.variety import NONE, VARIETIES, Variety
+from duobench.envs.sim_env import sim_of
 from duobench.policy import Batching, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.batch import ONE_BY_ONE, Chunk, Observation
 from duobench.policy.registry import (
@@ -44,6 +40,10 @@ from duobench.policy.serving.address import (
 )
 from duobench.results.run import TimeLimits
 from duobench.results.suite import TaskInfo
+from duobench.tasks.experts.expert import Expert, find_script
+from duobench.tasks.experts.motion import wait
+from duobench.tasks.experts.scripts import blind
+from duobench.tasks.experts.variety import NONE, VARIETIES, Variety
 
 _ANSWERING_S = 5.0
 """Seconds to wait for a process that has said that it answers."""

@@ -5,19 +5,19 @@ from dataclasses import replace
 
 import gymnasium as gym
 
+from duobench.core.errors import escaped
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.types import Array
 from duobench.envs.duo_env import base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.execution import Step
-from duobench.errors import escaped
 from duobench.evaluation.rollout import Info, Observation
-from duobench.randomness import SUITE_VERSION
 from duobench.results.excess import Excess
 from duobench.results.records import EpisodeRecord, StateHashes, pack_targets
 from duobench.results.run import Run
 from duobench.results.suite import Episode
-from duobench.robot.joints import joint_speed
-from duobench.stages.logic import Words
-from duobench.types import Array
+from duobench.tasks.stages.logic import Words
+from duobench.world.robot.joints import joint_speed
 
 
 class EpisodeRecorder:

@@ -8,11 +8,11 @@ from typing import Any, Protocol, TypeVar
 import gymnasium as gym
 import numpy as np
 
+from duobench.core.randomness import EVAL, policy_seed
 from duobench.envs.config import SPLIT
 from duobench.envs.duo_env import base_of
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution, Step, execute, optional_method
 from duobench.policy.policy import Policy, as_chunk, check_fits
-from duobench.randomness import EVAL, policy_seed
 from duobench.results.run import Run
 
 Observation = Mapping[str, Any]
@@ -85,7 +85,7 @@ def rollout(
     Args:
         env: An environment of the benchmark that takes single actions, in any wrappers.
         policy: The policy.
-        seed: Seed of the reset. The policy gets a hash of it, `duobench.randomness.policy_seed`:
+        seed: Seed of the reset. The policy gets a hash, `duobench.core.randomness.policy_seed`:
             an environment that is reset with that shows another layout.
         hashed: What the policy gets in place of that hash.
         watchers: Called in this order.

@@ -10,16 +10,16 @@ import gymnasium as gym
 import numpy as np
 from PIL import Image as Pillow, ImageDraw, ImageFont
 
-from duobench.backend import Image
+from duobench.core.backend import Image
+from duobench.core.types import CONTROL_HZ
+from duobench.core.video import VP9, VideoWriter
 from duobench.envs.execution import Step
 from duobench.envs.observation_wrappers import PIXELS
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.rollout import Info, Observation
 from duobench.results.suite import TaskInfo
-from duobench.robot.cameras import OVERVIEW
-from duobench.sim.rendering import Renderer
-from duobench.types import CONTROL_HZ
-from duobench.video import VP9, VideoWriter
+from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.sim.rendering import Renderer
 
 FRAME_EVERY = 2
 """Control steps from one frame to the next."""

@@ -5,7 +5,7 @@ It needs NumPy only: where a policy runs, there need be no simulator.
 
 from typing import TYPE_CHECKING
 
-from duobench.references import lazy
+from duobench.core.references import lazy
 
 if TYPE_CHECKING:
     from duobench.policy.baselines import (

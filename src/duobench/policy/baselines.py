@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, Array
 from duobench.policy.policy import PolicyMetadata
-from duobench.robot.joints import JOINT_RANGES
-from duobench.types import FLAT_SIZE, OPENING_SLOTS, Array
+from duobench.world.robot.joints import JOINT_RANGES
 
 _OPEN = 1.0
 _RANDOM_STREAM = 0x706F6C

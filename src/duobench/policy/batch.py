@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, get_args, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.errors import MachineryError, PolicyError
+from duobench.core.errors import MachineryError, PolicyError
 from duobench.policy.generators import (
     MAKING_SEED,
     Noise,

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import Any, TypeVar
 
-from duobench.errors import (
+from duobench.core.errors import (
     PolicyError,
     PolicyFailedError,
     PolicyTimeoutError,

@@ -8,13 +8,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-from duobench.envs import action_labels, state_labels
-from duobench.envs.action_labels import LABELS, ActionLabels
-from duobench.envs.action_modes import JOINT
-from duobench.envs.state_labels import StatePart
-from duobench.errors import PolicyError, check_known
-from duobench.files import digest_of, read_object
-from duobench.lerobot_keys import (
+from duobench.core.errors import PolicyError, check_known
+from duobench.core.files import digest_of, read_object
+from duobench.core.lerobot_keys import (
     ACTION,
     DOMAINS,
     FEATURE_NAMES,
@@ -25,8 +21,12 @@ from duobench.lerobot_keys import (
     SUITE,
     feature_names,
 )
-from duobench.randomness import SUITE_VERSION
-from duobench.types import FLAT_SIZE, POLICY_CAMERAS
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.types import FLAT_SIZE, POLICY_CAMERAS
+from duobench.envs import action_labels, state_labels
+from duobench.envs.action_labels import LABELS, ActionLabels
+from duobench.envs.action_modes import JOINT
+from duobench.envs.state_labels import StatePart
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")

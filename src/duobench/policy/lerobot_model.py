@@ -21,9 +21,9 @@ from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports
 from safetensors import safe_open  # pyright: ignore[reportMissingImports]
 from torch.overrides import TorchFunctionMode  # pyright: ignore[reportMissingImports]
 
+from duobench.core.errors import PolicyError
+from duobench.core.lerobot_keys import DOMAINS, EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.envs.state_labels import shown
-from duobench.errors import PolicyError
-from duobench.lerobot_keys import DOMAINS, EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.policy import lerobot_checkpoint as checkpoint
 from duobench.policy.batch import NOISE_STREAM, Chunk, Observation, Session
 from duobench.policy.lerobot_checkpoint import (

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.errors import PolicyError, escaped
-from duobench.types import (
+from duobench.core.errors import PolicyError, escaped
+from duobench.core.types import (
     CONTROL_HZ,
     FLAT_SIZE,
     POLICY_CAMERAS,

@@ -9,13 +9,13 @@ from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
-from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
-from duobench.machine import install_extra
+from duobench.core.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
+from duobench.core.machine import install_extra
+from duobench.core.references import load
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, SessionPolicy
 from duobench.policy.generators import MAKING_SEED, seed_generators
 from duobench.policy.policy import Policy, PolicyMetadata
-from duobench.references import load
 
 BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
     {"hold": HoldPolicy, "random": RandomPolicy, "zero": ZeroPolicy}

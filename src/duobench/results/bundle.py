@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from duobench.errors import EvaluationError, FileError, OutputError
-from duobench.files import check_outside, decode, encode, write, zipped
+from duobench.core.errors import EvaluationError, FileError, OutputError
+from duobench.core.files import check_outside, decode, encode, write, zipped
 from duobench.results.folder import DESCRIPTION, RunFolder, RunReader, record_name
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from duobench.errors import EvaluationError
-from duobench.files import digest_of, write
-from duobench.lerobot_keys import CARD, check_card, in_cell
-from duobench.pages import render
+from duobench.core.errors import EvaluationError
+from duobench.core.files import digest_of, write
+from duobench.core.lerobot_keys import CARD, check_card, in_cell
+from duobench.core.pages import render
 from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash, read
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, open_source, write_bundle
 from duobench.results.figures import stage_bars

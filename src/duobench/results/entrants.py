@@ -16,7 +16,7 @@ from string import ascii_uppercase
 
 import msgspec
 
-from duobench.errors import EvaluationError, check_known
+from duobench.core.errors import EvaluationError, check_known
 from duobench.results.bundle import read_source
 from duobench.results.records import EpisodeRecord
 from duobench.results.scores import (
@@ -28,7 +28,7 @@ from duobench.results.scores import (
     wilson_interval,
 )
 from duobench.results.suite import TaskInfo
-from duobench.shifts.shift import NO_SHIFT, Shift
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 
 PAPER, AUTHORS = "paper", "authors"
 """Where published results stand: in the paper, and with its authors' checkpoints."""

@@ -11,8 +11,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duobench.backend import DuoLimits
-from duobench.types import SIDE_SIZE, SIDES, Array
+from duobench.core.backend import DuoLimits
+from duobench.core.types import SIDE_SIZE, SIDES, Array
 
 MOST, NOTABLE = 0.5, 0.05
 """Share of an episode's steps, and change in radians or parts of an opening, above which limits are

@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 
 from duobench.results.scores import TIME_POINTS, Results, Score, TaskResult, percent
 from duobench.results.suite import TaskInfo
-from duobench.shifts.shift import ALL_AXES, LEVELS
+from duobench.tasks.shifts.shift import ALL_AXES, LEVELS
 
 Axes = Any
 """Axes of matplotlib, whose own types leave what styles a plot unknown; so do those of a figure."""

@@ -13,8 +13,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
-from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError
-from duobench.files import (
+from duobench.core.errors import EvaluationError, FileError, LockedError, OtherRunError
+from duobench.core.files import (
     Readable,
     begin_or_continue,
     check_there,

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import msgspec
 
-from duobench.files import writing
+from duobench.core.files import writing
 from duobench.results.attempts import ERROR, FAILURE, STOPPED, SUCCESS
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.scores import Results

@@ -10,10 +10,10 @@ from typing import Any
 
 import msgspec
 
+from duobench.core.files import make_folder, remove
+from duobench.core.randomness import EVAL, SALTED
+from duobench.core.versions import other_engine
 from duobench.envs.config import EnvConfig
-from duobench.files import make_folder, remove
-from duobench.looks.look import Look
-from duobench.randomness import EVAL, SALTED
 from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
 from duobench.results.entrants import PAPER, WARNING, published
@@ -23,10 +23,10 @@ from duobench.results.run import Run
 from duobench.results.salt import Round
 from duobench.results.scores import Results, RunPart, group_by_condition, summarize
 from duobench.results.suite import find_tasks
-from duobench.shifts.shift import NO_SHIFT
 from duobench.tasks import catalog
+from duobench.tasks.shifts.shift import NO_SHIFT
 from duobench.tasks.task import Category
-from duobench.versions import other_engine
+from duobench.world.looks.look import Look
 
 SCHEMA = 1
 DOCUMENT = "leaderboard.json"

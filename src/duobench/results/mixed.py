@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from duobench.errors import EvaluationError
+from duobench.core.errors import EvaluationError
 from duobench.results import tables
 from duobench.results.compare import compare_entrants
 from duobench.results.entrants import (

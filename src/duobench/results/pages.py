@@ -12,20 +12,20 @@ from urllib.parse import quote
 import matplotlib
 from markupsafe import Markup
 
-from duobench.errors import OtherRunError, VideoError
-from duobench.files import files_in, make_folder, write
-from duobench.hardware.judge import REACTION_S
-from duobench.machine import is_software_renderer
-from duobench.pages import render
+from duobench.core.errors import OtherRunError, VideoError
+from duobench.core.files import files_in, make_folder, write
+from duobench.core.machine import is_software_renderer
+from duobench.core.pages import render
+from duobench.core.types import CONTROL_HZ
+from duobench.core.versions import __version__, other_engine, package_source
+from duobench.core.video import jpeg, last_frame
 from duobench.results import figures, scores
 from duobench.results.folder import RunFolder
+from duobench.results.labels import REACTION_S
 from duobench.results.records import EpisodeRecord, InvalidTrial, Key
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, TaskResult
 from duobench.results.suite import execute_text, latency_text, suite_text
-from duobench.types import CONTROL_HZ
-from duobench.versions import __version__, other_engine, package_source
-from duobench.video import jpeg, last_frame
 from duobench.web.page import EpisodeReplay, replay_fragment
 
 PAGE = "index.html"
@@ -247,7 +247,7 @@ class PageVideos:
     def command(self, choice: str, what: str = "videos") -> str:
         """The command that makes videos or replays, with DIR for the folder; empty for no command.
 
-        The choice is one of episodes, as `duobench.replay.render.choose` takes it.
+        The choice is one of episodes, as `duobench.evaluation.replay.render.choose` takes it.
         """
         if not self._has_command:
             return ""

@@ -8,7 +8,6 @@ from itertools import count
 
 import numpy as np
 
-from duobench.looks.look import Look
 from duobench.results.entrants import Entrant, Group, RowKind, TableRow
 from duobench.results.records import EpisodeRecord, SampledLayout
 from duobench.results.scores import RunPart
@@ -26,6 +25,7 @@ from duobench.results.statistics import (
     tango_interval,
 )
 from duobench.results.suite import TaskInfo, execute_text, latency_text
+from duobench.world.looks.look import Look
 
 Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
 

@@ -15,21 +15,20 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from duobench.envs.config import EnvConfig
-from duobench.envs.execution import ChunkExecution
-from duobench.errors import (
+from duobench.core.errors import (
     EvaluationError,
     PolicyEndedError,
     PolicyFailedError,
     PolicyTimeoutError,
     traceback_text,
 )
-from duobench.hardware.devices import FaultKind
-from duobench.hardware.judge import StageLabel, StageLabels
+from duobench.core.types import FLAT_SIZE, Array
+from duobench.envs.config import EnvConfig
+from duobench.envs.execution import ChunkExecution
 from duobench.results.attempts import ENDS
 from duobench.results.excess import Excess
-from duobench.shifts.shift import Shift
-from duobench.types import FLAT_SIZE, Array
+from duobench.results.labels import FaultKind, StageLabel, StageLabels
+from duobench.tasks.shifts.shift import Shift
 
 RECORD_SCHEMA = 11
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""

@@ -13,8 +13,8 @@ from contextlib import suppress
 from html import unescape
 from typing import Any
 
-from duobench.errors import OtherRunError, escaped
-from duobench.files import remove
+from duobench.core.errors import OtherRunError, escaped
+from duobench.core.files import remove
 from duobench.results import figures, scores
 from duobench.results.compare import compare_parts, comparison_files
 from duobench.results.folder import CONDITIONS, RunFolder, RunReader

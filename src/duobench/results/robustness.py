@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from duobench.errors import EvaluationError
+from duobench.core.errors import EvaluationError
 from duobench.results import figures
 from duobench.results.pages import PAGE, check_free, json_text, page, with_figures, write_files
 from duobench.results.scores import RunPart, Score
-from duobench.shifts import shift as shifts
+from duobench.tasks.shifts import shift as shifts
 
 DOCUMENT = "robustness.json"
 """The results for programs; a folder that has it holds a report."""

@@ -12,13 +12,13 @@ from typing import Any, ClassVar, Self
 
 import msgspec
 
+from duobench.core.errors import EvaluationError, escaped
+from duobench.core.files import checksum, differences
+from duobench.core.randomness import SALTED, SUITE_VERSION
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
-from duobench.errors import EvaluationError, escaped
-from duobench.files import checksum, differences
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
 from duobench.policy.serving.address import MAX_S, SERVED
-from duobench.randomness import SALTED, SUITE_VERSION
 from duobench.results.records import (
     DOMAINS,
     MIXED,
@@ -31,7 +31,7 @@ from duobench.results.records import (
 )
 from duobench.results.salt import Salt, Seeds
 from duobench.results.suite import Episode, Suite
-from duobench.shifts.shift import NO_SHIFT, Shift, every_shift
+from duobench.tasks.shifts.shift import NO_SHIFT, Shift, every_shift
 
 MAX_SHARDS = 10_000
 

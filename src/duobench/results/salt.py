@@ -18,9 +18,9 @@ from typing import Annotated
 
 import msgspec
 
-from duobench.errors import EvaluationError
-from duobench.files import read_text, reading, writing
-from duobench.randomness import SUITE_VERSION
+from duobench.core.errors import EvaluationError
+from duobench.core.files import read_text, reading, writing
+from duobench.core.randomness import SUITE_VERSION
 
 SALT_BYTES = 32
 """Fewest bytes of a salt: as many as its SHA-256 has, so that trying does not find it."""

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from duobench.core.types import Array
 from duobench.results.scores import CONFIDENCE, wilson_interval
-from duobench.types import Array
 
 LEVEL = 1.0 - CONFIDENCE
 """Probability of claiming a difference where there is none."""

@@ -2,7 +2,7 @@
 
 A suite by name stands for a protocol. It has a version of its own, its revision, which is raised
 when anything that it fixes changes. What an episode of a task is belongs to the benchmark:
-`duobench.randomness.SUITE_VERSION`.
+`duobench.core.randomness.SUITE_VERSION`.
 """
 
 import math
@@ -11,14 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from duobench.core.errors import EvaluationError, OptionError, check_known
+from duobench.core.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
-from duobench.errors import EvaluationError, OptionError, check_known
-from duobench.looks import catalog as looks
-from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.results.salt import Seeds
-from duobench.shifts.levels import latency_steps
-from duobench.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
 from duobench.tasks import catalog
+from duobench.tasks.shifts.levels import latency_steps
+from duobench.tasks.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
+from duobench.world.looks import catalog as looks
 
 CUSTOM = "custom"
 """Name of a suite that somebody put together."""
@@ -97,7 +97,7 @@ class Suite:
     episodes: int = 20
     first_episode: int = 0
     look: str = looks.DEFAULT
-    """Name of the look of all episodes; see `duobench.looks.catalog.look`."""
+    """Name of the look of all episodes; see `duobench.world.looks.catalog.look`."""
     version: str = SUITE_VERSION
     name: str = CUSTOM
     """Name of the suite that it is, or that it was made from; see `SUITES`."""

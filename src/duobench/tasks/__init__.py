@@ -1,28 +1,27 @@
 """Tasks: data and a few pure functions, one file each; and all words to write one of your own.
 
-The objects for it are in `duobench.objects`.
+The objects for it are in `duobench.world.objects`.
 """
 
 from typing import TYPE_CHECKING
 
-from duobench.references import lazy
+from duobench.core.references import lazy
 
 if TYPE_CHECKING:
-    from duobench.randomness import (
+    from duobench.core.randomness import (
         ANY_YAW as ANY_YAW,
         Choice as Choice,
         Uniform as Uniform,
         around as around,
     )
-    from duobench.robot.cameras import View as View
-    from duobench.scene.naming import TABLE as TABLE
-    from duobench.sim.layout import Layout as Layout
-    from duobench.spatial import SE3 as SE3
-    from duobench.stages.coordination import Carriage as Carriage, carriage as carriage
-    from duobench.stages.handover import Handover as Handover, handover as handover
-    from duobench.stages.insertion import Port as Port, inserted as inserted
-    from duobench.stages.joining import Joining as Joining, joining as joining
-    from duobench.stages.logic import (
+    from duobench.core.spatial import SE3 as SE3
+    from duobench.core.types import SIDES as SIDES, Side as Side
+    from duobench.tasks.catalog import get as get, names as names
+    from duobench.tasks.stages.coordination import Carriage as Carriage, carriage as carriage
+    from duobench.tasks.stages.handover import Handover as Handover, handover as handover
+    from duobench.tasks.stages.insertion import Port as Port, inserted as inserted
+    from duobench.tasks.stages.joining import Joining as Joining, joining as joining
+    from duobench.tasks.stages.logic import (
         Predicate as Predicate,
         StateView as StateView,
         all_of as all_of,
@@ -30,10 +29,10 @@ if TYPE_CHECKING:
         held_for as held_for,
         since as since,
     )
-    from duobench.stages.passage import Hole as Hole, Passage as Passage, passage as passage
-    from duobench.stages.placing import low_over as low_over, placed as placed, put as put
-    from duobench.stages.pouring import Pouring as Pouring, pouring as pouring
-    from duobench.stages.predicates import (
+    from duobench.tasks.stages.passage import Hole as Hole, Passage as Passage, passage as passage
+    from duobench.tasks.stages.placing import low_over as low_over, placed as placed, put as put
+    from duobench.tasks.stages.pouring import Pouring as Pouring, pouring as pouring
+    from duobench.tasks.stages.predicates import (
         BoxRegion as BoxRegion,
         CylinderRegion as CylinderRegion,
         Region as Region,
@@ -55,11 +54,12 @@ if TYPE_CHECKING:
         upright as upright,
         variant as variant,
     )
-    from duobench.stages.progress import Stage as Stage
-    from duobench.stages.rolling import Rolling as Rolling, rolling as rolling
-    from duobench.stages.support import Support as Support, support as support
-    from duobench.tasks.catalog import get as get, names as names
+    from duobench.tasks.stages.progress import Stage as Stage
+    from duobench.tasks.stages.rolling import Rolling as Rolling, rolling as rolling
+    from duobench.tasks.stages.support import Support as Support, support as support
     from duobench.tasks.task import Category as Category, Placement as Placement, Task as Task
-    from duobench.types import SIDES as SIDES, Side as Side
+    from duobench.world.robot.cameras import View as View
+    from duobench.world.scene.naming import TABLE as TABLE
+    from duobench.world.sim.layout import Layout as Layout
 
 lazy(__name__)

@@ -16,7 +16,24 @@ from collections.abc import Iterable
 from functools import partial
 from math import inf
 
-from duobench.objects.maze_board import (
+from duobench.core.randomness import ANY_YAW, Choice, around
+from duobench.core.spatial import SE3
+from duobench.core.types import SIDES
+from duobench.tasks.object_state import maze_of, pose, position, velocity
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.logic import Predicate, all_of
+from duobench.tasks.stages.predicates import (
+    BoxRegion,
+    CylinderRegion,
+    grasped,
+    inside,
+    off_table,
+    released,
+)
+from duobench.tasks.stages.progress import Stage
+from duobench.tasks.stages.rolling import inside_chosen, rolling
+from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.maze_board import (
     BALL_RADIUS,
     BASE,
     HALF,
@@ -26,27 +43,10 @@ from duobench.objects.maze_board import (
     cell_centre,
     wall_variants,
 )
-from duobench.objects.mazes import CELLS, MAZES, Cell
-from duobench.objects.prop import Prop
-from duobench.randomness import ANY_YAW, Choice, around
-from duobench.scene.naming import TABLE
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
-from duobench.stages.logic import Predicate, all_of
-from duobench.stages.predicates import (
-    BoxRegion,
-    CylinderRegion,
-    grasped,
-    inside,
-    off_table,
-    released,
-)
-from duobench.stages.progress import Stage
-from duobench.stages.rolling import inside_chosen, rolling
-from duobench.tasks.object_state import maze_of, pose, position, velocity
-from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
-from duobench.tasks.task import Category, Placement, Task
-from duobench.types import SIDES
+from duobench.world.objects.mazes import CELLS, MAZES, Cell
+from duobench.world.objects.prop import Prop
+from duobench.world.scene.naming import TABLE
+from duobench.world.sim.layout import Layout
 
 LEFT_START, AT_GOAL = 0.020, 0.015
 """Distance in metres of the ball from the start's centre at least, and from the goal's at most."""
@@ -123,7 +123,7 @@ TASK = Task(
         ),
     ),
     object_numbers=(pose("board"), position("ball"), velocity("ball"), maze_of("board")),
-    expert="duobench.experts.scripts.ball_maze:script",
+    expert="duobench.tasks.experts.scripts.ball_maze:script",
     printable=True,
     real=True,
 )

@@ -12,18 +12,18 @@ Success:
     table, and were let go there, at most 6 cm above the rim.
 """
 
-from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
-from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
-from duobench.objects.prop import Prop
-from duobench.randomness import ANY_YAW, around
-from duobench.sim.layout import Layout
-from duobench.stages.logic import all_of, any_of
-from duobench.stages.placing import placed
-from duobench.stages.predicates import lifted_by_any, released
-from duobench.stages.progress import Stage
-from duobench.stages.vessels import Vessel
+from duobench.core.randomness import ANY_YAW, around
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.logic import all_of, any_of
+from duobench.tasks.stages.placing import placed
+from duobench.tasks.stages.predicates import lifted_by_any, released
+from duobench.tasks.stages.progress import Stage
+from duobench.tasks.stages.vessels import Vessel
 from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
+from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
+from duobench.world.objects.prop import Prop
+from duobench.world.sim.layout import Layout
 
 COLOURS = ("white", "black")
 BOWL_MARGIN = 0.10
@@ -115,7 +115,7 @@ TASK = Task(
             holds=placed(_WHITE_IN, _BLACK_IN),
         ),
     ),
-    expert="duobench.experts.scripts.bin_sort:script",
+    expert="duobench.tasks.experts.scripts.bin_sort:script",
     printable=True,
     real=True,
 )

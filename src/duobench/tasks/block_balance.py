@@ -18,16 +18,16 @@ Success:
 
 import math
 
-from duobench.objects.blocks import RED, WOOD, YELLOW, block
-from duobench.objects.prop import Prop
-from duobench.randomness import around
-from duobench.stages import predicates as is_
-from duobench.stages.coordination import brought_together
-from duobench.stages.logic import Predicate, all_of, any_of, since
-from duobench.stages.placing import left_alone, low_over, placed, put
-from duobench.stages.progress import Stage
+from duobench.core.randomness import around
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages import predicates as is_
+from duobench.tasks.stages.coordination import brought_together
+from duobench.tasks.stages.logic import Predicate, all_of, any_of, since
+from duobench.tasks.stages.placing import left_alone, low_over, placed, put
+from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import RED, WOOD, YELLOW, block
+from duobench.world.objects.prop import Prop
 
 CUBE_EDGE = 0.040
 BEAM = (0.040, 0.200, 0.020)
@@ -137,6 +137,6 @@ TASK = Task(
             holds=_BALANCED & _ONCE_LOADED.told_of("when both were last in hand", _GRASPED),
         ),
     ),
-    expert="duobench.experts.scripts.block_balance:script",
+    expert="duobench.tasks.experts.scripts.block_balance:script",
     printable=True,
 )

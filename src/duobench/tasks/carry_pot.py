@@ -15,13 +15,13 @@ Success:
 import math
 from math import inf
 
-from duobench.objects.pot import HEIGHT, PLATE, pot, stove_plate
-from duobench.objects.prop import Prop
-from duobench.randomness import Uniform, around
-from duobench.stages.coordination import carriage
-from duobench.stages.logic import Predicate, all_of, any_of
-from duobench.stages.placing import placed
-from duobench.stages.predicates import (
+from duobench.core.randomness import Uniform, around
+from duobench.core.types import SIDES
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.coordination import carriage
+from duobench.tasks.stages.logic import Predicate, all_of, any_of
+from duobench.tasks.stages.placing import placed
+from duobench.tasks.stages.predicates import (
     BoxRegion,
     inside,
     released,
@@ -29,10 +29,10 @@ from duobench.stages.predicates import (
     touches,
     upright,
 )
-from duobench.stages.progress import Stage
-from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
-from duobench.types import SIDES
+from duobench.world.objects.pot import HEIGHT, PLATE, pot, stove_plate
+from duobench.world.objects.prop import Prop
 
 HANDLES = ("pot/left_handle", "pot/right_handle")
 LIFT = 0.030
@@ -106,5 +106,5 @@ TASK = Task(
             ),
         ),
     ),
-    expert="duobench.experts.scripts.carry_pot:script",
+    expert="duobench.tasks.experts.scripts.carry_pot:script",
 )

@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from duobench.errors import ForeignTaskError, OptionError, UnknownNameError, check_known
-from duobench.references import load
+from duobench.core.errors import ForeignTaskError, OptionError, UnknownNameError, check_known
+from duobench.core.references import load
 
 if TYPE_CHECKING:
     from duobench.tasks.task import Task

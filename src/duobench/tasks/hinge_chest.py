@@ -18,12 +18,10 @@ import math
 from dataclasses import replace
 from math import inf
 
-from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
-from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL, chest
-from duobench.objects.prop import Prop
-from duobench.randomness import ANY_YAW, around
-from duobench.stages.placing import lifted_off, low_over, placed
-from duobench.stages.predicates import (
+from duobench.core.randomness import ANY_YAW, around
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.placing import lifted_off, low_over, placed
+from duobench.tasks.stages.predicates import (
     BoxRegion,
     hinge_open,
     inside,
@@ -31,10 +29,12 @@ from duobench.stages.predicates import (
     released,
     rests_on,
 )
-from duobench.stages.progress import Stage
-from duobench.stages.support import support
-from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.progress import Stage
+from duobench.tasks.stages.support import support
 from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
+from duobench.world.objects.chest import CAVITY, RIM_HEIGHT, WALL, chest
+from duobench.world.objects.prop import Prop
 
 OPEN_ANGLE = 0.8
 """Angle in radians from which on the lid counts as open."""
@@ -107,7 +107,7 @@ TASK = Task(
             holds=placed(_INSIDE, rests_on("cube", "chest"), released("cube")) & _LID.delivered,
         ),
     ),
-    expert="duobench.experts.scripts.hinge_chest:script",
+    expert="duobench.tasks.experts.scripts.hinge_chest:script",
     printable=True,
     real=True,
 )

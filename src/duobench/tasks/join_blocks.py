@@ -14,18 +14,18 @@ Success:
 
 import math
 
-from duobench.objects import joint_blocks as bars
-from duobench.objects.prop import Prop
-from duobench.randomness import Uniform, around
-from duobench.robot.cameras import View
-from duobench.stages.insertion import Port, in_any_way, inserted
-from duobench.stages.joining import engaged, joining
-from duobench.stages.logic import all_of, any_of
-from duobench.stages.placing import placed, put
-from duobench.stages.predicates import grasped_apart, off_table, released, still
-from duobench.stages.progress import Stage
+from duobench.core.randomness import Uniform, around
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.insertion import Port, in_any_way, inserted
+from duobench.tasks.stages.joining import engaged, joining
+from duobench.tasks.stages.logic import all_of, any_of
+from duobench.tasks.stages.placing import placed, put
+from duobench.tasks.stages.predicates import grasped_apart, off_table, released, still
+from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects import joint_blocks as bars
+from duobench.world.objects.prop import Prop
+from duobench.world.robot.cameras import View
 
 DEPTH = 0.010
 """How deep a peg is inserted at least, in metres [task definitions]."""
@@ -118,6 +118,6 @@ TASK = Task(
     ),
     # From beside the robot: the wall's peg points towards it.
     overview=View(eye=(0.25, -1.7, 1.15), target=(0.37, 0.0, 0.33), fovy_deg=39.0),
-    expert="duobench.experts.scripts.join_blocks:script",
+    expert="duobench.tasks.experts.scripts.join_blocks:script",
     printable=True,
 )

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import OptionError
-from duobench.objects.mazes import MAZES, SEGMENTS
-from duobench.objects.prop import Prop
-from duobench.randomness import Choice
-from duobench.stages.predicates import CylinderRegion
+from duobench.core.errors import OptionError
+from duobench.core.randomness import Choice
+from duobench.tasks.stages.predicates import CylinderRegion
+from duobench.world.objects.mazes import MAZES, SEGMENTS
+from duobench.world.objects.prop import Prop
 
 if TYPE_CHECKING:
-    from duobench.sim.questions import Questions
+    from duobench.world.sim.questions import Questions
 
 ENVIRONMENT_STATE = "environment_state"
 """Key of the object state in an observation, as LeRobot names it."""

@@ -13,22 +13,22 @@ Success:
 
 from collections.abc import Callable
 
-from duobench.objects import cup as cups
-from duobench.objects.prop import Prop
-from duobench.randomness import Choice, around
-from duobench.scene.naming import TABLE
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
-from duobench.stages import predicates as is_
-from duobench.stages.logic import Predicate, all_of, any_of
-from duobench.stages.placing import low_over, placed, put
-from duobench.stages.pouring import Pouring, pouring
-from duobench.stages.progress import Stage
-from duobench.stages.vessels import stands_upright
+from duobench.core.randomness import Choice, around
+from duobench.core.spatial import SE3
+from duobench.core.types import SIDES, Side
 from duobench.tasks.object_state import chosen, heap, pose
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages import predicates as is_
+from duobench.tasks.stages.logic import Predicate, all_of, any_of
+from duobench.tasks.stages.placing import low_over, placed, put
+from duobench.tasks.stages.pouring import Pouring, pouring
+from duobench.tasks.stages.progress import Stage
+from duobench.tasks.stages.vessels import stands_upright
 from duobench.tasks.task import Category, Placement, Task
-from duobench.types import SIDES, Side
+from duobench.world.objects import cup as cups
+from duobench.world.objects.prop import Prop
+from duobench.world.scene.naming import TABLE
+from duobench.world.sim.layout import Layout
 
 MARBLES = tuple(f"marble{number}" for number in range(len(cups.HEAP)))
 CUPS = {side: f"{side}_cup" for side in SIDES}
@@ -148,5 +148,5 @@ TASK = Task(
         heap("marbles", MARBLES, CUPS.values(), cups.ROOM),
         chosen("full", CUPS),
     ),
-    expert="duobench.experts.scripts.pour_marbles:script",
+    expert="duobench.tasks.experts.scripts.pour_marbles:script",
 )

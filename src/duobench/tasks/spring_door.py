@@ -18,14 +18,11 @@ import math
 from dataclasses import replace
 from math import inf
 
-from duobench.objects.blocks import CUBE_EDGE, WHITE, cube
-from duobench.objects.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
-from duobench.objects.prop import Prop
-from duobench.randomness import ANY_YAW, around
-from duobench.robot.cameras import View
-from duobench.stages.logic import all_of
-from duobench.stages.placing import DROP_HEIGHT, lifted_off, low_over, placed
-from duobench.stages.predicates import (
+from duobench.core.randomness import ANY_YAW, around
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.logic import all_of
+from duobench.tasks.stages.placing import DROP_HEIGHT, lifted_off, low_over, placed
+from duobench.tasks.stages.predicates import (
     BoxRegion,
     hinge_open,
     inside,
@@ -34,10 +31,13 @@ from duobench.stages.predicates import (
     rests_on,
     touching,
 )
-from duobench.stages.progress import Stage
-from duobench.stages.support import support
-from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.progress import Stage
+from duobench.tasks.stages.support import support
 from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import CUBE_EDGE, WHITE, cube
+from duobench.world.objects.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
+from duobench.world.objects.prop import Prop
+from duobench.world.robot.cameras import View
 
 OPEN_ANGLE = 0.8
 """Angle in radians from which on the door counts as open."""
@@ -109,5 +109,5 @@ TASK = Task(
     ),
     # From beside the robot: the microwave faces it.
     overview=View(eye=(0.05, -1.85, 1.3), target=(0.38, -0.02, 0.32), fovy_deg=39.0),
-    expert="duobench.experts.scripts.spring_door:script",
+    expert="duobench.tasks.experts.scripts.spring_door:script",
 )

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from duobench.errors import (
+from duobench.core.errors import (
     DuoBenchError,
     LayoutError,
     TaskError,
@@ -17,14 +17,14 @@ from duobench.errors import (
     check_known,
     escaped,
 )
-from duobench.objects.prop import Prop
-from duobench.randomness import EVAL, Choice, Uniform, generator
-from duobench.robot.cameras import OVERVIEW_VIEW, View
-from duobench.sim.layout import Layout
-from duobench.spatial import SE3
-from duobench.stages.progress import Stage
+from duobench.core.randomness import EVAL, Choice, Uniform, generator
+from duobench.core.spatial import SE3
+from duobench.core.types import LONGEST, as_count, check_several, check_unit
 from duobench.tasks.object_state import Numbers, ObjectState, usual_numbers
-from duobench.types import LONGEST, as_count, check_several, check_unit
+from duobench.tasks.stages.progress import Stage
+from duobench.world.objects.prop import Prop
+from duobench.world.robot.cameras import OVERVIEW_VIEW, View
+from duobench.world.sim.layout import Layout
 
 MOST_YAW = 3 * math.pi
 """Largest yaw of a placement, in radians: a whole turn about any angle; 10 was meant in degrees."""

@@ -15,14 +15,12 @@ Success:
     there, at most 6 cm above the rim: neither dropped from on high nor thrown nor pushed.
 """
 
-from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
-from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
-from duobench.objects.prop import Prop
-from duobench.randomness import ANY_YAW, around
-from duobench.stages.handover import handover
-from duobench.stages.logic import all_of
-from duobench.stages.placing import placed
-from duobench.stages.predicates import (
+from duobench.core.randomness import ANY_YAW, around
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.handover import handover
+from duobench.tasks.stages.logic import all_of
+from duobench.tasks.stages.placing import placed
+from duobench.tasks.stages.predicates import (
     CylinderRegion,
     inside,
     lifted_by_any,
@@ -30,10 +28,12 @@ from duobench.stages.predicates import (
     released,
     rests_on,
 )
-from duobench.stages.progress import Stage
-from duobench.stages.vessels import Vessel, stands_upright
-from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.progress import Stage
+from duobench.tasks.stages.vessels import Vessel, stands_upright
 from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
+from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
+from duobench.world.objects.prop import Prop
 
 CUBE, BOWL = "cube", "bowl"
 IN_BOWL = CylinderRegion(body=BOWL, radius=RADIUS - WALL, low=0.0, high=0.6 * LONG_BLOCK)
@@ -96,7 +96,7 @@ TASK = Task(
             ),
         ),
     ),
-    expert="duobench.experts.scripts.transfer_cube:script",
+    expert="duobench.tasks.experts.scripts.transfer_cube:script",
     printable=True,
     real=True,
 )

@@ -16,8 +16,17 @@ Success:
     not receive it through the ring.
 """
 
-from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
-from duobench.objects.gate import (
+from duobench.core.randomness import ANY_YAW, around
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.handover import handover
+from duobench.tasks.stages.logic import all_of, any_of
+from duobench.tasks.stages.passage import Hole, passage
+from duobench.tasks.stages.placing import low_over, placed
+from duobench.tasks.stages.predicates import BoxRegion, inside, lifted_by_any, released, rests_on
+from duobench.tasks.stages.progress import Stage
+from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
+from duobench.world.objects.gate import (
     MAT_EDGE,
     MAT_THICKNESS,
     RING_HEIGHT,
@@ -25,16 +34,7 @@ from duobench.objects.gate import (
     gate,
     mat,
 )
-from duobench.objects.prop import Prop
-from duobench.randomness import ANY_YAW, around
-from duobench.stages.handover import handover
-from duobench.stages.logic import all_of, any_of
-from duobench.stages.passage import Hole, passage
-from duobench.stages.placing import low_over, placed
-from duobench.stages.predicates import BoxRegion, inside, lifted_by_any, released, rests_on
-from duobench.stages.progress import Stage
-from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
-from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.prop import Prop
 
 BLOCK, GATE, MAT = "block", "gate", "mat"
 CROSSING_RADIUS = 0.10
@@ -106,6 +106,6 @@ TASK = Task(
             ),
         ),
     ),
-    expert="duobench.experts.scripts.transfer_gate:script",
+    expert="duobench.tasks.experts.scripts.transfer_gate:script",
     printable=True,
 )

@@ -19,8 +19,18 @@ from functools import partial
 
 import numpy as np
 
-from duobench.objects.blocks import WHITE
-from duobench.objects.hexagon_peg import (
+from duobench.core.randomness import Uniform, around
+from duobench.core.spatial import SE3
+from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
+from duobench.tasks.stages.handover import handover
+from duobench.tasks.stages.insertion import Port, in_any_way, inserted
+from duobench.tasks.stages.joining import engaged
+from duobench.tasks.stages.placing import PUT_HEIGHT, placed
+from duobench.tasks.stages.predicates import lifted_by_any, released, still
+from duobench.tasks.stages.progress import Stage
+from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.blocks import WHITE
+from duobench.world.objects.hexagon_peg import (
     ACROSS_FLATS,
     BOARD_HEIGHT,
     HEXAGON,
@@ -29,17 +39,7 @@ from duobench.objects.hexagon_peg import (
     peg,
     socket_board,
 )
-from duobench.objects.prop import Prop
-from duobench.randomness import Uniform, around
-from duobench.spatial import SE3
-from duobench.stages.handover import handover
-from duobench.stages.insertion import Port, in_any_way, inserted
-from duobench.stages.joining import engaged
-from duobench.stages.placing import PUT_HEIGHT, placed
-from duobench.stages.predicates import lifted_by_any, released, still
-from duobench.stages.progress import Stage
-from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
-from duobench.tasks.task import Category, Placement, Task
+from duobench.world.objects.prop import Prop
 
 PEG, BOARD = "peg", "board"
 DEPTH = 0.015
@@ -110,6 +110,6 @@ TASK = Task(
             holds=placed(_IN_HOLE, still(PEG), released(PEG)) & _PEG.put(_TIP_AT_HOLE),
         ),
     ),
-    expert="duobench.experts.scripts.transfer_reorient:script",
+    expert="duobench.tasks.experts.scripts.transfer_reorient:script",
     printable=True,
 )

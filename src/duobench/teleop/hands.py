@@ -5,13 +5,13 @@ from typing import cast, get_args
 
 import numpy as np
 
+from duobench.core.spatial import SE3, product
+from duobench.core.types import SIDES, DuoCommand, DuoState, Side
 from duobench.envs.action_modes import CARTESIAN
-from duobench.kinematics.inverse import Kinematics
-from duobench.spatial import SE3, product
 from duobench.teleop.intent import Intent
 from duobench.teleop.messages import Hand, Hands, Message, PageDevice, Recentre
 from duobench.teleop.shaping import Shaper
-from duobench.types import SIDES, DuoCommand, DuoState, Side
+from duobench.world.kinematics.inverse import Kinematics
 
 MAX_AGE_S = 0.250
 """Samples that were delayed by more than this, in seconds, are dropped; and a hand of which nothing

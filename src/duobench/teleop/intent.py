@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+from duobench.core.types import Array, DuoCommand, DuoState
 from duobench.teleop.messages import Message
-from duobench.types import Array, DuoCommand, DuoState
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

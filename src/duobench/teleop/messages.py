@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from duobench.errors import escaped
-from duobench.spatial import SE3, length
+from duobench.core.errors import escaped
+from duobench.core.spatial import SE3, length
 from duobench.web.messages import PageMessage
 
 FARTHEST = 100.0

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.kinematics.inverse import within_reach
-from duobench.spatial import SE3, length, product, rotation_by, rotation_vector
-from duobench.types import CONTROL_HZ, Array, Side
+from duobench.core.spatial import SE3, length, product, rotation_by, rotation_vector
+from duobench.core.types import CONTROL_HZ, Array, Side
+from duobench.world.kinematics.inverse import within_reach
 
 MIN_CUTOFF_HZ = 1.5
 """Cutoff of the filter for a hand at rest: 1 mm of tracking noise becomes a fifth of it."""

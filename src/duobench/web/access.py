@@ -15,8 +15,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
-from duobench.errors import ServingError
-from duobench.machine import is_loopback, load_extra
+from duobench.core.errors import ServingError
+from duobench.core.machine import is_loopback, load_extra
 
 _TOKEN_BYTES = 16
 _ELSEWHERE = "192.0.2.1"

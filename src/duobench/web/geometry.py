@@ -19,15 +19,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import DuoBenchError
-from duobench.looks.clutter import pieces
-from duobench.looks.look import Look
-from duobench.scene.naming import FLOOR
-from duobench.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
-from duobench.sim.appearance import Appearance
-from duobench.spatial import SE3, matrix_from_wxyz
-from duobench.types import Array
+from duobench.core.errors import DuoBenchError
+from duobench.core.spatial import SE3, matrix_from_wxyz
+from duobench.core.types import Array
 from duobench.web.shading import camera_of, cells_for, colours_of, emission_of, lights_of, texels_of
+from duobench.world.looks.clutter import pieces
+from duobench.world.looks.look import Look
+from duobench.world.scene.naming import FLOOR
+from duobench.world.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
+from duobench.world.sim.appearance import Appearance
 
 MAX_BODIES = 255
 """Most bodies that move; their poses have to fit into a block that every browser has."""

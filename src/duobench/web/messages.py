@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.errors import MessageError
+from duobench.core.errors import MessageError
 
 MAX_MESSAGE = 4096
 """Bytes of a message from a page."""

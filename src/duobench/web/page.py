@@ -10,9 +10,9 @@ from importlib.resources import files
 
 from markupsafe import Markup
 
-from duobench import pages
-from duobench.errors import OptionError, check_known
-from duobench.types import CONTROL_HZ
+from duobench.core import pages
+from duobench.core.errors import OptionError, check_known
+from duobench.core.types import CONTROL_HZ
 from duobench.web.track import length
 
 _PACKAGE = "duobench.web"
@@ -61,7 +61,7 @@ def assets(page: str = "live_page.html") -> Mapping[str, tuple[str, bytes]]:
         kind = _TYPES.get(file.name[file.name.rfind(".") :])
         if kind is not None:
             found[f"/{file.name}"] = (kind, file.read_bytes())
-    common = files("duobench.pages") / "templates" / "style.css"
+    common = files("duobench.core.pages") / "templates" / "style.css"
     found["/page.css"] = (_TYPES[".css"], common.read_bytes() + _asset("page.css").encode())
     return found
 
@@ -78,7 +78,7 @@ def replay_page(title: str, scenes: Mapping[str, bytes], replays: Sequence[Episo
 def replay_fragment(
     scenes: Mapping[str, bytes], replays: Sequence[EpisodeReplay], *, is_open: bool = False
 ) -> str:
-    """The same as a part of a page that has the style of `duobench.pages`; one such part a page.
+    """The same as a part of a page in the style of `duobench.core.pages`; one such part a page.
 
     Other elements of the page open an episode too: a button with its id as `data-replay`. Nothing
     is unpacked, and no graphics are touched, before an episode is opened.

@@ -18,8 +18,8 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from duobench.errors import DuoBenchError
-from duobench.serving_thread import ServingThread
+from duobench.core.errors import DuoBenchError
+from duobench.core.serving_thread import ServingThread
 from duobench.web.access import Admission, Certificate, check_address
 from duobench.web.messages import (
     FRAMES_HZ,

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.looks.look import Light, Look
-from duobench.robot.cameras import OVERVIEW, OVERVIEW_VIEW
-from duobench.robot.workcell import SHADOW_CENTRE
-from duobench.sim.appearance import Appearance, Texture
-from duobench.spatial import matrix_from_wxyz
-from duobench.types import Array
+from duobench.core.spatial import matrix_from_wxyz
+from duobench.core.types import Array
+from duobench.world.looks.look import Light, Look
+from duobench.world.robot.cameras import OVERVIEW, OVERVIEW_VIEW
+from duobench.world.robot.workcell import SHADOW_CENTRE
+from duobench.world.sim.appearance import Appearance, Texture
 
 _TARGET_HEIGHT = 0.1
 """The camera turns about what it sees at this height above the table, in metres."""

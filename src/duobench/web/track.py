@@ -12,7 +12,7 @@ import zlib
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.errors import DataError
+from duobench.core.errors import DataError
 
 POSITION_STEP = 1e-4
 """Metres."""

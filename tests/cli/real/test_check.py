@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from duobench.hardware.rig import Rig
+from duobench.real.rig import Rig
 from tests.cli.conftest import Told, refusal
-from tests.hardware.test_rig_file import RIGHT, changed
+from tests.real.test_rig_file import RIGHT, changed
 
 
 def lab(folder: Path, document: Any) -> Path:

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from duobench.hardware.calibration import places
-from duobench.hardware.calibration.views import ViewFolder
-from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
+from duobench.real.calibration import places
+from duobench.real.calibration.views import ViewFolder
+from duobench.real.rig import CameraConfig, CameraDriver, Rig
 from tests.cli.conftest import Told, refusal
-from tests.hardware.lenses import ZED
+from tests.real.lenses import ZED
 
 
 def lab(folder: Path, device: str) -> Path:

@@ -21,7 +21,7 @@ import pytest
 from duobench.cli.real import rigs
 from duobench.cli.real.rigs import KeyTerminal
 from duobench.data import DataSet
-from duobench.rig_sessions.operator import QUIT
+from duobench.real.sessions.operator import QUIT
 from tests.cli.test_cli import ROOT
 from tests.web.pages import TIMEOUT_S, wait_until
 

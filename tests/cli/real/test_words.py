@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from duobench.hardware.drivers.simulated import SimulatedArm
+from duobench.real.drivers.simulated import SimulatedArm
 from tests.cli.conftest import Told, refusal
-from tests.rig_sessions.operator import Stand
+from tests.real.sessions.operator import Stand
 
 Types = Callable[[str], None]
 REHEARSAL = ("--rig", "rehearsal", "--fast")

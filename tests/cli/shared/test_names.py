@@ -7,11 +7,11 @@ import pytest
 from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.options import options_of
 from duobench.cli.shared.spelling import EXAMPLES, FIRST, NAMED, TRAINED, check_spelling
-from duobench.training.recipes import OBJECT_STATES, RECIPES
+from duobench.policy.training.recipes import OBJECT_STATES, RECIPES
 from tests.children import ran
 from tests.cli.conftest import refusal
 
-LARGE = ("mujoco", "tyro", "rich", "PIL", "trimesh", "duobench.cli.program", "duobench.sim")
+LARGE = ("mujoco", "tyro", "rich", "PIL", "trimesh", "duobench.cli.program", "duobench.world.sim")
 PROBE = f"""
 import sys
 from duobench.cli import main

@@ -10,15 +10,15 @@ from typing import Any
 import av
 import numpy as np
 
-from duobench.backend import Image
+from duobench.core.backend import Image
+from duobench.core.types import POLICY_CAMERAS, SIDES, DuoCommand, Side
 from duobench.data import Actor, Recorder
 from duobench.data.rig import RigRecorder
 from duobench.envs import DuoEnv, TaskStages, TimeLimit
-from duobench.hardware.devices import ArmReading, Frame
-from duobench.hardware.judge import HumanJudge
-from duobench.hardware.rig import Rig
+from duobench.real.devices import ArmReading, Frame
+from duobench.real.judge import HumanJudge
+from duobench.real.rig import Rig
 from duobench.tasks import catalog
-from duobench.types import POLICY_CAMERAS, SIDES, DuoCommand, Side
 from tests.envs.number_arms import NumberArms
 
 TASK = "bin_sort"

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from duobench.cli import main
+from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet
 from duobench.data.images import VideoFrames
 from duobench.data.schema import video_path
 from duobench.data.stream import BATCH_ROWS
-from duobench.types import POLICY_CAMERAS
 from tests.data.real.number_duo import CountingCamera, NumberDuo, number_in, real_recorder
 from tests.data.tools import child_of, ended, only
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from duobench.core.errors import DataError, OutputError
+from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet, stream, videos
 from duobench.data.images import VideoFrames
 from duobench.data.recorder import UNDECIDED
 from duobench.data.rig import RigRecorder
 from duobench.data.schema import VideoFacts, video_path
-from duobench.errors import DataError, OutputError
-from duobench.types import POLICY_CAMERAS
 from tests.data.real.number_duo import (
     HORIZON,
     PERIOD_S,

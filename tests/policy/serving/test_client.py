@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from websockets.sync.server import ServerConnection
 
-from duobench.errors import (
+from duobench.core.errors import (
     ConnectionLostError,
     MachineryError,
     PolicyError,

@@ -6,7 +6,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from duobench.errors import MessageError
+from duobench.core.errors import MessageError
 from duobench.policy.serving.codec import pack, unpack
 from tests.policy.serving.hostile import ARRAY, DTYPES, SHAPES, messages
 

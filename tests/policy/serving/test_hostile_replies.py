@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import PolicyError, escaped
+from duobench.core.errors import PolicyError, escaped
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.vla_eval import VlaEvalPolicy

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from duobench.errors import DuoBenchError, PolicyError, ServingError, UnknownNameError
+from duobench.core.errors import DuoBenchError, PolicyError, ServingError, UnknownNameError
 from duobench.policy.serving.message_format import FORMATS, MessageFormat, read_format
 
 ARMS_FIRST = np.array([*range(7), *range(8, 15), 7, 15])

@@ -17,7 +17,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from duobench.errors import DuoBenchError, MachineryError, ServingError
+from duobench.core.errors import DuoBenchError, MachineryError, ServingError
 from duobench.policy import Batching, Session, SessionPolicy
 from duobench.policy.batch import PolicyPool
 from duobench.policy.inference import InferenceLoop

@@ -10,12 +10,12 @@ import msgpack
 import numpy as np
 import pytest
 
-from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
+from duobench.core.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
+from duobench.core.types import POLICY_CAMERAS
 from duobench.policy import Policy, PolicyMetadata
 from duobench.policy.serving import limits
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.policy.serving.vla_eval import VlaEvalPolicy, action_spec, observation_spec
-from duobench.types import POLICY_CAMERAS
 from tests.policy.serving.model_server import Message, ModelServer, acting, frame
 from tests.policy.serving.serving import TIMEOUT_S, Serve
 from tests.policy.serving.test_message_format import observation

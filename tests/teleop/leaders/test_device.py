@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from duobench.core.errors import LeaderError
+from duobench.core.types import CONTROL_HZ, DuoCommand
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.envs.sim_env import sim_of
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import LeaderError
-from duobench.experts.expert import Expert, find_script
-from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
-from duobench.robot.joints import HOME_JOINTS
+from duobench.tasks.experts.expert import Expert, find_script
 from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.teleop.messages import Keep
-from duobench.types import CONTROL_HZ, DuoCommand
+from duobench.teleop.teleoperation import Teleoperation, TeleopState, make_recorder
+from duobench.world.robot.joints import HOME_JOINTS
 
 HOME = DuoCommand(joints=np.array(HOME_JOINTS), openings=np.ones(2)).flat
 

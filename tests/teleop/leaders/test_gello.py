@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from duobench.errors import LeaderError, UnknownNameError
-from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
+from duobench.core.errors import LeaderError, UnknownNameError
 from duobench.teleop.leaders.gello import (
     COUNTS_A_TURN,
     GelloArm,
@@ -19,6 +18,7 @@ from duobench.teleop.leaders.gello import (
     GelloSource,
     joints_of,
 )
+from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES
 from tests.teleop.leaders.servos import Servos
 
 COUNT = 2 * math.pi / COUNTS_A_TURN

@@ -9,10 +9,10 @@ import numpy as np
 from lerobot.robots import Robot, RobotConfig
 from lerobot.teleoperators import TeleoperatorConfig
 
+from duobench.core.lerobot_keys import POSITION
+from duobench.core.randomness import TRAIN
+from duobench.core.types import POLICY_CAMERAS
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.lerobot_keys import POSITION
-from duobench.randomness import TRAIN
-from duobench.types import POLICY_CAMERAS
 
 KEYS = tuple(f"{name}{POSITION}" for name in JOINT_NAMES)
 """Names of the numbers of an action: seven joints in radians and a gripper, left then right."""

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
+from duobench.core.errors import ActionError, BackendError, OptionError, check_known
+from duobench.core.types import DuoCommand
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
-from duobench.errors import ActionError, BackendError, OptionError, check_known
-from duobench.hardware.duo import FrankaDuo
-from duobench.hardware.opening import open_rig
-from duobench.types import DuoCommand
+from duobench.real.duo import FrankaDuo
+from duobench.real.opening import open_rig
 from lerobot_env_duobench.config import KEYS, Arms, DuoBenchDuoConfig, by_key
 
 SIMULATED = "simulated"

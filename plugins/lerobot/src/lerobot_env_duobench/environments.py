@@ -14,10 +14,10 @@ from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
 from lerobot.processor import DeviceProcessorStep, PolicyProcessorPipeline
 
 import duobench
-from duobench.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
-from duobench.randomness import episode_seed
+from duobench.core.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
+from duobench.core.randomness import episode_seed
+from duobench.core.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS
 
 ALL = "all"
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from duobench.errors import MessageError
-from duobench.kinematics.inverse import Kinematics
-from duobench.robot.joints import HOME_JOINTS
-from duobench.spatial import SE3
+from duobench.core.errors import MessageError
+from duobench.core.spatial import SE3
+from duobench.core.types import ARM_JOINTS, SIDE_SIZE, SIDES, DuoCommand, DuoState
 from duobench.teleop.hands import DISCARD, KEEP, RESTORE, ButtonPresses, HandDevice
 from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message, Restore
-from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, DuoCommand, DuoState
+from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.joints import HOME_JOINTS
 
 OPEN_HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES)))
 """Where the arms are at first: at home, both grippers open."""

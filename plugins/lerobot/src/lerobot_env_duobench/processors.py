@@ -15,7 +15,7 @@ from lerobot.processor import (
 from lerobot.processor.hil_processor import TELEOP_ACTION_KEY
 from lerobot.teleoperators.utils import TeleopEvents
 
-from duobench.lerobot_keys import DOMAIN
+from duobench.core.lerobot_keys import DOMAIN
 from lerobot_env_duobench.config import KEYS
 
 

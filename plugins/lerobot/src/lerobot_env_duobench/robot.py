@@ -9,11 +9,11 @@ import gymnasium as gym
 from lerobot.teleoperators.utils import TeleopEvents
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
+from duobench.core.randomness import episode_seed
+from duobench.core.types import CONTROL_HZ
 from duobench.envs.observation_wrappers import PIXELS
 from duobench.envs.protocol import make_base, with_wrappers
 from duobench.envs.sim_env import SimEnv, sim_of
-from duobench.randomness import episode_seed
-from duobench.types import CONTROL_HZ
 from lerobot_env_duobench.config import KEYS, Arms, DuoBenchRobotConfig, by_key
 from lerobot_env_duobench.teleoperator import DuoBenchTeleoperator
 

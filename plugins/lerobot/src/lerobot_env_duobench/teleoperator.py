@@ -14,16 +14,16 @@ from lerobot.teleoperators.utils import TeleopEvents
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 from duobench.cli.shared.page import PageOptions
-from duobench.errors import LeaderError, check_known
-from duobench.looks.look import Look
-from duobench.rig_sessions.teleop_page import WATCHING
-from duobench.robot.joints import JOINT_RANGES
-from duobench.sim.simulation import Simulation
+from duobench.core.errors import LeaderError, check_known
+from duobench.core.types import SIDES, DuoCommand, DuoState
 from duobench.teleop.hands import DISCARD, KEEP
 from duobench.teleop.messages import Message
-from duobench.types import SIDES, DuoCommand, DuoState
+from duobench.teleop.teleop_page import WATCHING
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
+from duobench.world.looks.look import Look
+from duobench.world.robot.joints import JOINT_RANGES
+from duobench.world.sim.simulation import Simulation
 from lerobot_env_duobench.config import KEYS, DuoBenchTeleoperatorConfig, by_key
 from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
 

@@ -19,17 +19,17 @@ from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.options import command_line
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
-from duobench.errors import BackendError
-from duobench.files import locked, taken_back
+from duobench.core.errors import BackendError
+from duobench.core.files import locked, taken_back
+from duobench.core.types import Side
 from duobench.results.scores import interval_percent, percent
 from duobench.results.suite import find_tasks
-from duobench.types import Side
 
 if TYPE_CHECKING:
-    from duobench.hardware.duo import FrankaDuo
-    from duobench.rig_sessions.trials import TrialsSession
-    from duobench.rig_sessions.trials_folder import TrialsFolder
-    from duobench.rig_sessions.trials_report import TrialsReport
+    from duobench.real.duo import FrankaDuo
+    from duobench.real.sessions.trials import TrialsSession
+    from duobench.real.sessions.trials_folder import TrialsFolder
+    from duobench.real.sessions.trials_report import TrialsReport
     from duobench.web.server import PageServer
 
 
@@ -167,7 +167,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     load_engine()
     from duobench.data import DataSet
     from duobench.data.dataset import DESCRIPTION
-    from duobench.rig_sessions.recording import RigRecording, find_policy
+    from duobench.real.sessions.recording import RigRecording, find_policy
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         source = find_policy(policy, tempo)
@@ -232,8 +232,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     load_engine()
     from duobench.data import DataSet
     from duobench.data.dataset import DESCRIPTION
-    from duobench.rig_sessions.trials import TrialsSession
-    from duobench.rig_sessions.trials_folder import TRIALS_BEGINNINGS, TrialsFolder
+    from duobench.real.sessions.trials import TrialsSession
+    from duobench.real.sessions.trials_folder import TRIALS_BEGINNINGS, TrialsFolder
 
     policies, (info,) = _pairs(policy, trained_on), find_tasks([task])
     new = taken_back(out, *TRIALS_BEGINNINGS, is_begun=lambda: bool(TrialsFolder(out).read_log()))
@@ -275,7 +275,7 @@ def _place(
     ending: ExitStack, rig: RigOptions, out: Path, page: PageOptions
 ) -> tuple[TrialsFolder, FrankaDuo, PageServer]:
     """The folder, which is locked, the rig and the page, until `ending`."""
-    from duobench.rig_sessions.trials_folder import TrialsFolder
+    from duobench.real.sessions.trials_folder import TrialsFolder
 
     folder, duo = TrialsFolder(out), rig.open()
     ending.callback(duo.close)
@@ -287,7 +287,7 @@ def _place(
 
 def _judge(session: TrialsSession, folder: TrialsFolder, server: PageServer, out: Path) -> None:
     """Run a session until it is stopped, and say what came out."""
-    from duobench.rig_sessions.trials_report import write_trials_report
+    from duobench.real.sessions.trials_report import write_trials_report
 
     if session.message:
         say(session.message)
@@ -302,7 +302,7 @@ def _judge(session: TrialsSession, folder: TrialsFolder, server: PageServer, out
 
 
 def _tell_of_doctor(folder: TrialsFolder, rig: RigOptions, duo: FrankaDuo, out: Path) -> None:
-    from duobench.hardware.doctor.checks import read_checks
+    from duobench.real.doctor.checks import read_checks
 
     found = read_checks(folder.path)
     if found is None:

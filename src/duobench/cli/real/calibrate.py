@@ -14,17 +14,17 @@ import tyro
 from duobench.cli.real.rigs import rig_file
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
-from duobench.hardware.calibration.board import RULER_MM, Board, Detector, write_board
-from duobench.hardware.canonical import nominal_pose
-from duobench.hardware.clock import SystemClock
-from duobench.hardware.rig import CameraCalibration, Rig
-from duobench.sheets import Paper
-from duobench.spatial import SE3
-from duobench.types import HEAD, Side, wrist_name
+from duobench.core.sheets import Paper
+from duobench.core.spatial import SE3
+from duobench.core.types import HEAD, Side, wrist_name
+from duobench.real.calibration.board import RULER_MM, Board, Detector, write_board
+from duobench.real.canonical import nominal_pose
+from duobench.real.clock import SystemClock
+from duobench.real.rig import CameraCalibration, Rig
 
 if TYPE_CHECKING:
-    from duobench.hardware.calibration.places import Measured
-    from duobench.hardware.calibration.views import ViewFolder
+    from duobench.real.calibration.places import Measured
+    from duobench.real.calibration.views import ViewFolder
 
 _AT_REST = 0.01
 """Speed of a joint in rad/s under which an arm is at rest."""
@@ -62,7 +62,7 @@ def lens(
         views: Folder of images; if there are none in it, they are taken now, one at each Enter.
         paper: Sheet of the board.
     """
-    from duobench.hardware.calibration.places import calibrate_lens
+    from duobench.real.calibration.places import calibrate_lens
 
     known, sheet = Rig.read(rig_file(rig)), Board(paper=paper)
     folder = _folder(known, views, camera, None, sheet)
@@ -95,7 +95,7 @@ def head(
             robot's right.
         paper: Sheet of the board.
     """
-    from duobench.hardware.calibration.places import locate_head
+    from duobench.real.calibration.places import locate_head
 
     known, sheet = Rig.read(rig_file(rig)), _measured(paper, ruler)
     seen = _lens(known, HEAD)
@@ -125,7 +125,7 @@ def wrist(
         ruler: Length of the board's printed ruler in mm, measured with another ruler.
         paper: Sheet of the board.
     """
-    from duobench.hardware.calibration.places import calibrate_wrist
+    from duobench.real.calibration.places import calibrate_wrist
 
     known, sheet, arm = Rig.read(rig_file(rig)), _measured(paper, ruler), Side(side)
     name = wrist_name(arm)
@@ -141,8 +141,8 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
-    from duobench.hardware.drivers.robotiq import measure_ends
-    from duobench.hardware.rig import GripperDriver
+    from duobench.real.drivers.robotiq import measure_ends
+    from duobench.real.rig import GripperDriver
 
     known, arm = Rig.read(rig_file(rig)), Side(side)
     if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
@@ -170,7 +170,7 @@ def _measured(paper: Paper, ruler: float | None) -> Board:
 
 def _lens(rig: Rig, camera: str) -> CameraCalibration:
     """The lens in the rig, or that which the camera itself tells."""
-    from duobench.hardware.opening import open_rig
+    from duobench.real.opening import open_rig
 
     config = rig.cameras.get(camera)
     if config is None:
@@ -193,7 +193,7 @@ def _lens(rig: Rig, camera: str) -> CameraCalibration:
 
 def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) -> ViewFolder:
     """The images in a folder; where there are none, they are taken now."""
-    from duobench.hardware.calibration.views import ViewFolder
+    from duobench.real.calibration.views import ViewFolder
 
     folder = ViewFolder(path, camera)
     if not len(folder):
@@ -203,7 +203,7 @@ def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) 
 
 def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet: Board) -> None:
     """Take an image at each Enter; nothing moves by itself."""
-    from duobench.hardware.opening import open_rig
+    from duobench.real.opening import open_rig
 
     if camera not in rig.cameras:
         raise AdvisedError(f"The rig has no camera {camera}.")

@@ -10,10 +10,10 @@ import tyro
 from duobench.cli.real.rigs import known_rig
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
-from duobench.hardware.guard import Guard
-from duobench.hardware.rig import ArmConfig, CameraConfig, GripperConfig, Rig
-from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
-from duobench.types import ARM_JOINTS, Side
+from duobench.core.types import ARM_JOINTS, Side
+from duobench.real.guard import Guard
+from duobench.real.rig import ArmConfig, CameraConfig, GripperConfig, Rig
+from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 
 
 def rig() -> None:

@@ -18,10 +18,10 @@ from typing import Any
 
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.process import AT_LEAVING
-from duobench.hardware.clock import VirtualClock
-from duobench.hardware.duo import FrankaDuo
-from duobench.hardware.opening import COMPUTED, open_rig
-from duobench.hardware.rig import Rig
+from duobench.real.clock import VirtualClock
+from duobench.real.duo import FrankaDuo
+from duobench.real.opening import COMPUTED, open_rig
+from duobench.real.rig import Rig
 
 
 def rig_file(path: str | Path, also: str = "") -> Path:
@@ -68,7 +68,7 @@ class RigOptions:
 
 def hold_and_say(duo: FrankaDuo) -> None:
     """What Ctrl-C does where an operator is asked for keys."""
-    from duobench.rig_sessions.session import HELD_BY_OPERATOR
+    from duobench.real.sessions.session import HELD_BY_OPERATOR
 
     duo.hold(HELD_BY_OPERATOR)
     with suppress(OSError):  # the terminal may be gone
@@ -105,7 +105,7 @@ class KeyTerminal:
 
     def ask(self, text: str, keys: str) -> str:
         """Ask for a key, and wait for it; keys that were pressed before do not count."""
-        from duobench.rig_sessions.operator import QUIT
+        from duobench.real.sessions.operator import QUIT
 
         while not self._keys.empty():
             if not self._keys.get():

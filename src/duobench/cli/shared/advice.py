@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from duobench.cli.shared.console import say
-from duobench.errors import (
+from duobench.core.errors import (
     DuoBenchError,
     ForeignTaskError,
     GoneError,

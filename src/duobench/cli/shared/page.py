@@ -44,8 +44,8 @@ class PageOptions:
 @contextmanager
 def followed(folder: RunFolder, port: int) -> Iterator[None]:
     """Show a run on a page while the block plays it; at its end, the page shows the report."""
-    from duobench.replay.sources import FollowedRun
-    from duobench.replay.viewer import Viewer
+    from duobench.evaluation.replay.sources import FollowedRun
+    from duobench.evaluation.replay.viewer import Viewer
 
     with closing(PageOptions(port=port).serve()) as server:
         source = FollowedRun(folder, server, import_tasks=True)  # which the run itself imports

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from duobench.files import SCRATCH
+from duobench.core.files import SCRATCH
 
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
@@ -28,7 +28,7 @@ _SHOW_CURSOR = b"\x1b[?25h"
 
 def load_engine() -> None:
     """Import MuJoCo, with which a verb begins that needs it; see `sim.opengl.load_engine`."""
-    from duobench.sim import opengl
+    from duobench.world.sim import opengl
 
     opengl.load_engine()
 

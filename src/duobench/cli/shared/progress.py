@@ -25,7 +25,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.run import WHOLE, Run, Shard
 
 if TYPE_CHECKING:
-    from duobench.runners.evaluate import Attempt
+    from duobench.evaluation.runners.evaluate import Attempt
 
 PLAIN_LINES = 10
 """About how many lines of progress are printed where nothing can be overwritten."""

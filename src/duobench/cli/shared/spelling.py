@@ -8,7 +8,7 @@ from types import NoneType, UnionType
 from typing import Literal, get_args, get_origin, get_type_hints
 
 from duobench.cli.shared.options import options_of
-from duobench.errors import DuoBenchError, PolicyError, check_known
+from duobench.core.errors import DuoBenchError, PolicyError, check_known
 from duobench.tasks import catalog
 
 Verbs = Mapping[str, Callable[..., None]]
@@ -230,6 +230,6 @@ def _check(kind: str, word: str) -> None:
 
         check_known(kind, word, SUITES)
     elif kind == "look":
-        from duobench.looks.catalog import look
+        from duobench.world.looks.catalog import look
 
         look(word)

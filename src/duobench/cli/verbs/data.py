@@ -23,10 +23,16 @@ from duobench.cli.shared.advice import (
 from duobench.cli.shared.console import counted, numeric, say, table, whole
 from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import display
+from duobench.core.errors import (
+    DataError,
+    FileError,
+    NamesTakenError,
+    OutputError,
+    SeveralTasksError,
+)
+from duobench.core.files import locked, taken_back
+from duobench.core.lerobot_keys import ID
 from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptions
-from duobench.errors import DataError, FileError, NamesTakenError, OutputError, SeveralTasksError
-from duobench.files import locked, taken_back
-from duobench.lerobot_keys import ID
 from duobench.tasks import catalog
 
 if TYPE_CHECKING:
@@ -280,7 +286,7 @@ def lerobot(
         raise AdvisedError("Name the folder of a data set, such as duobench record makes.")
     sources = [opened(each, episodes.tasks, import_tasks=import_tasks) for each in data]
     from duobench.data import export_lerobot
-    from duobench.rig_sessions.cameras import view_of
+    from duobench.real.canonical import view_of
 
     new = taken_back(out, "duobench.json")
     with raising(out), new, advising(_ADVICE), display("frame") as shown:

@@ -5,7 +5,7 @@ from pathlib import Path
 import tyro
 
 from duobench.cli.shared.console import console, say, table, whole
-from duobench.errors import DuoBenchError, check_known
+from duobench.core.errors import DuoBenchError, check_known
 
 DRAWERS = {
     "start": "install, a first evaluation, a first policy, a first task",

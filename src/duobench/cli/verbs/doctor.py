@@ -18,25 +18,25 @@ import numpy as np
 from PIL import Image as Pictures
 from rich.text import Text
 
-from duobench import files
-from duobench.backend import Image
 from duobench.cli.real.rigs import known_rig
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import counted, say, table
 from duobench.cli.shared.process import load_engine
+from duobench.core import files
+from duobench.core.backend import Image
+from duobench.core.errors import BackendError
+from duobench.core.machine import DEVICE, unsupported
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.types import HEAD, POLICY_CAMERAS
+from duobench.core.versions import other_engine, record_versions
 from duobench.envs.config import IMAGE_SIZE
-from duobench.errors import BackendError
-from duobench.hardware.canonical import NATIVE
-from duobench.hardware.clock import SystemClock, VirtualClock
-from duobench.hardware.doctor.checks import Check, Outcome, write_checks
-from duobench.machine import DEVICE, unsupported
-from duobench.randomness import SUITE_VERSION
+from duobench.real.canonical import NATIVE
+from duobench.real.clock import SystemClock, VirtualClock
+from duobench.real.doctor.checks import Check, Outcome, write_checks
 from duobench.tasks import catalog
-from duobench.types import HEAD, POLICY_CAMERAS
-from duobench.versions import other_engine, record_versions
 
 if TYPE_CHECKING:
-    from duobench.hardware.duo import FrankaDuo
+    from duobench.real.duo import FrankaDuo
 
 
 FIRST_COMMAND = "duobench eval --policy expert --tasks bin_sort --episodes 1 --out runs/first"
@@ -186,7 +186,7 @@ def _figures() -> Iterator[Check]:
 
 
 def _videos() -> Iterator[Check]:
-    from duobench.video import AV1, H264, VP9, write_video
+    from duobench.core.video import AV1, H264, VP9, write_video
 
     codecs, frames = (VP9, AV1, H264), [np.zeros((64, 64, 3), dtype=np.uint8)] * 2
     with tempfile.TemporaryDirectory() as folder:
@@ -198,7 +198,7 @@ def _videos() -> Iterator[Check]:
 def _images() -> Iterator[Check]:
     load_engine()
     from duobench.envs.sim_env import SimEnv
-    from duobench.sim.rendering import Renderer
+    from duobench.world.sim.rendering import Renderer
 
     base = SimEnv(catalog.get(catalog.names()[0]))
     base.reset()
@@ -254,8 +254,8 @@ def examine_rig(
     """
     if seconds <= 0.0:
         raise AdvisedError("--seconds is more than 0.")
-    from duobench.hardware.doctor.examine import examine
-    from duobench.hardware.opening import COMPUTED, open_rig
+    from duobench.real.doctor.examine import examine
+    from duobench.real.opening import COMPUTED, open_rig
 
     known = known_rig(rig)
     reference = None if rig in COMPUTED else Path(rig).with_suffix(".head.png")

@@ -13,7 +13,6 @@ import tyro
 from rich.table import Table
 from tyro.conf import Positional
 
-from duobench.backend import Image
 from duobench.cli.shared.advice import (
     FOR_RECORDING,
     FOREIGN,
@@ -27,9 +26,11 @@ from duobench.cli.shared.page import followed
 from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import EpisodesKept, EpisodesPlayed, display
 from duobench.cli.verbs.data import opened
+from duobench.core.backend import Image
+from duobench.core.errors import DataError, EvaluationError, PolicyError
+from duobench.core.files import check_outside, remove_abandoned, replacing, taken_back
 from duobench.envs.execution import ChunkExecution
-from duobench.errors import DataError, EvaluationError, PolicyError
-from duobench.files import check_outside, remove_abandoned, replacing, taken_back
+from duobench.evaluation.runners.ray_process import Cluster
 from duobench.policy.batch import MAX_BATCH, Batching
 from duobench.policy.serving.access import read_key
 from duobench.policy.serving.address import SERVED, RemoteServer
@@ -39,12 +40,11 @@ from duobench.results.run import WHOLE, Shard, TimeLimits
 from duobench.results.salt import make_salt, read_salt
 from duobench.results.scores import Results
 from duobench.results.suite import PAPER_EXECUTE, SuiteChoice, find_tasks
-from duobench.runners.ray_process import Cluster
 from duobench.tasks import catalog
 
 if TYPE_CHECKING:
     from duobench.data import DataSet, ImageSource, Recording
-    from duobench.runners.evaluate import Attempt
+    from duobench.evaluation.runners.evaluate import Attempt
 
 _LIMITS = TimeLimits()
 
@@ -89,7 +89,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     from duobench.data import DataSet
     from duobench.data.attempts import RUN
     from duobench.data.dataset import DESCRIPTION
-    from duobench.runners import record as record_demonstrations
+    from duobench.evaluation.runners import record as record_demonstrations
 
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     beginnings = DESCRIPTION, RUN
@@ -182,7 +182,7 @@ def replay(
 
 def _by_actions(data: DataSet, episodes: Mapping[str, Sequence[Path]]) -> None:
     from duobench.data import Recording
-    from duobench.replay import replay as play_again
+    from duobench.evaluation.replay import replay as play_again
 
     table = Table("task", "episodes", "bit-exact", "same stages", "largest difference")
     wrong = 0
@@ -220,9 +220,9 @@ def _by_states(
     size: tuple[int, int],
     look: str,
 ) -> None:
+    from duobench.core.video import VP9, write_video
     from duobench.data import ImageSource, Recording
     from duobench.evaluation.video import FRAME_RATE
-    from duobench.video import VP9, write_video
 
     if not cameras:
         raise DataError("A video shows at least one camera; --cameras names none.")
@@ -354,7 +354,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
-    from duobench.runners.evaluate import evaluate as play
+    from duobench.evaluation.runners.evaluate import evaluate as play
 
     if executor != "ray" and cluster != _CLUSTER:
         raise EvaluationError("--address and --policy-gpus are for --executor ray.")

@@ -14,14 +14,14 @@ import tyro
 from duobench.cli.shared.advice import AdvisedError, find_run
 from duobench.cli.shared.console import say
 from duobench.cli.shared.process import stopping
-from duobench.errors import DataError, NoObjectStatesError, ServingError
-from duobench.lerobot_keys import ID
+from duobench.core.errors import DataError, NoObjectStatesError, ServingError
+from duobench.core.lerobot_keys import ID
 from duobench.policy.batch import Batching
 from duobench.policy.registry import reads_simulation
 from duobench.policy.serving.access import check_access, read_key
 
 if TYPE_CHECKING:
-    from duobench.training.training import Training
+    from duobench.policy.training.training import Training
 
 EXPORT = "duobench export lerobot DATA --out OUT"
 
@@ -60,7 +60,7 @@ def train(  # noqa: PLR0913 - each is an argument of the command line
         only_print: Print the command and do not run it.
     """
     from duobench.data.dataset import DESCRIPTION
-    from duobench.training import training
+    from duobench.policy.training import training
 
     try:
         trainings = training.plan_all(

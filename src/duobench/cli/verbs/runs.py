@@ -23,7 +23,7 @@ from duobench.cli.shared.advice import (
 from duobench.cli.shared.console import counted, results_table, say, verified_table
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
-from duobench.files import check_outside, digest_of
+from duobench.core.files import check_outside, digest_of
 from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
@@ -31,12 +31,12 @@ from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import Condition
 from duobench.results.salt import read_salt
 from duobench.results.scores import RunPart, interval_percent, percent, rate_text
-from duobench.shifts.shift import NO_SHIFT
+from duobench.tasks.shifts.shift import NO_SHIFT
 
 if TYPE_CHECKING:
     from duobench.data.processes import Progress
-    from duobench.replay.render import RenderResult
-    from duobench.replay.verify import Finding, Verification
+    from duobench.evaluation.replay.render import RenderResult
+    from duobench.evaluation.replay.verify import Finding, Verification
     from duobench.results.leaderboard import BoardEntry
 
 
@@ -93,7 +93,7 @@ def report(
 
 def _tell_missing(reader: RunReader) -> None:
     """Say what was played and is missing now; a folder of trials that do not go on is refused."""
-    from duobench.rig_sessions.trials_folder import TrialsFolder
+    from duobench.real.sessions.trials_folder import TrialsFolder
 
     trials, run = TrialsFolder(reader.path.parent), reader.read_run()
     is_of_trials = run.is_real and trials.run.path == reader.path and trials.description.exists()
@@ -110,7 +110,7 @@ def _make_chosen(
 ) -> int:
     """Make videos and replays of the episodes that words choose; how many cannot be made."""
     load_engine()
-    from duobench.replay.render import REPLAY, VIDEO, choose, choose_few, make_missing
+    from duobench.evaluation.replay.render import REPLAY, VIDEO, choose, choose_few, make_missing
 
     run, records = parts[0].run, [record for part in parts for record in part.records]
     impossible = 0
@@ -232,7 +232,7 @@ def verify(
     find_run(source)
     load_engine()
     import duobench.results.report  # noqa: F401 - it draws at the end; what keeps it is told now
-    from duobench.replay.verify import verify as verify_run
+    from duobench.evaluation.replay.verify import verify as verify_run
 
     opened = open_source(source)
     opened.salt = None if salt is None else read_salt(salt)
@@ -250,7 +250,7 @@ def verify(
 
 
 def _show_verification(found: Verification, import_tasks: bool) -> None:
-    from duobench.replay.verify import Verdict
+    from duobench.evaluation.replay.verify import Verdict
 
     name = partial(_episode_name, found.run.conditions)
     for sentence in found.objections:
@@ -327,7 +327,7 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
     if not folder.is_dir():
         raise AdvisedError(f"There is no folder {folder}. duobench bundle RUN makes a bundle.")
     load_engine()
-    from duobench.replay.leaderboard import make_leaderboard
+    from duobench.evaluation.replay.leaderboard import make_leaderboard
 
     shown = ExitStack()
 

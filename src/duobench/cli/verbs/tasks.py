@@ -13,20 +13,20 @@ from duobench.cli.shared.advice import OTHER_OUT, advising
 from duobench.cli.shared.console import console, numeric, say, table, whole
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
+from duobench.core.files import make_folder, taken_back, writing
+from duobench.core.sheets import Paper
+from duobench.core.types import POLICY_CAMERAS
 from duobench.envs.config import checked_seed
-from duobench.files import make_folder, taken_back, writing
-from duobench.looks.catalog import DEFAULT, LOOKS, RANDOM
 from duobench.results.folder import RunFolder
 from duobench.results.suite import find_tasks
-from duobench.robot.cameras import OVERVIEW
-from duobench.sheets import Paper
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.types import POLICY_CAMERAS
+from duobench.world.looks.catalog import DEFAULT, LOOKS, RANDOM
+from duobench.world.robot.cameras import OVERVIEW
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
-    from duobench.fabrication import Recipe
+    from duobench.printing import Recipe
 
 
 NARROW = 80
@@ -91,7 +91,7 @@ def render(
     load_engine()
     from PIL import Image
 
-    from duobench.sim.rendering import Renderer
+    from duobench.world.sim.rendering import Renderer
 
     (info,) = find_tasks([task])
     height, width = size
@@ -142,8 +142,8 @@ def view(
             time that is left, and every finished episode; at its end the page shows the report.
     """
     load_engine()
-    from duobench.replay.sources import FollowedRun, open_view
-    from duobench.replay.viewer import Viewer
+    from duobench.evaluation.replay.sources import FollowedRun, open_view
+    from duobench.evaluation.replay.viewer import Viewer
 
     source = None if follow else open_view(what, look, tasks, import_tasks=import_tasks)
     with closing(page.serve()) as server:
@@ -189,7 +189,7 @@ def print_(
         foot: Front edge and width in mm of the foot of your mount, and the jig for it is written
             too; see duobench docs real_setup. By default that of the simulated mount.
     """
-    from duobench.fabrication import Foot, write_prints
+    from duobench.printing import Foot, write_prints
 
     of = Foot() if task == JIG and foot is None else None
     if foot is not None:

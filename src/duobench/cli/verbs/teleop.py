@@ -16,13 +16,13 @@ from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
-from duobench.files import taken_back
+from duobench.core.files import taken_back
 
 if TYPE_CHECKING:
     from duobench.data import Actor
-    from duobench.rig_sessions.teleop_page import TeleopPage
     from duobench.teleop.intent import Device
     from duobench.teleop.leaders.device import JointSource
+    from duobench.teleop.teleop_page import TeleopPage
     from duobench.web.server import PageServer
 
 
@@ -130,8 +130,8 @@ def teleop(
         raise AdvisedError("Leader arms send no messages to step by: leave out --lockstep.")
     load_engine()
     from duobench.data.dataset import DESCRIPTION
-    from duobench.rig_sessions.teleop_page import TeleopPage
-    from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
+    from duobench.teleop.teleop_page import TeleopPage
+    from duobench.teleop.teleoperation import Teleoperation, make_recorder
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
@@ -171,9 +171,9 @@ def teleop_rig(
         raise AdvisedError("Real arms do not wait for messages: --lockstep goes with --fast alone.")
     load_engine()
     from duobench.data.dataset import DESCRIPTION
-    from duobench.rig_sessions.cameras import CameraFeed
-    from duobench.rig_sessions.operator import hold_by_key
-    from duobench.rig_sessions.rig_teleoperation import (
+    from duobench.real.sessions.cameras import CameraFeed
+    from duobench.real.sessions.operator import hold_by_key
+    from duobench.real.sessions.rig_teleoperation import (
         EndedError,
         RigTeleoperation,
         RigTeleopPage,

@@ -4,16 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from duobench.data.lerobot.folder import Residual
-from duobench.data.lerobot.options import ActionSource
-from duobench.data.recording import Recording
-from duobench.envs.action_labels import tool_labels
-from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT
-from duobench.kinematics.inverse import Kinematics
-from duobench.robot.frames import tool_frames
-from duobench.robot.joints import HOME_JOINTS
-from duobench.spatial import SE3, product, rotation_by
-from duobench.types import (
+from duobench.core.spatial import SE3, product, rotation_by
+from duobench.core.types import (
     ARM_JOINTS,
     FLAT_SIZE,
     OPENING_SLOTS,
@@ -22,6 +14,14 @@ from duobench.types import (
     Array,
     DuoCommand,
 )
+from duobench.data.lerobot.folder import Residual
+from duobench.data.lerobot.options import ActionSource
+from duobench.data.recording import Recording
+from duobench.envs.action_labels import tool_labels
+from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT
+from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import tool_frames
+from duobench.world.robot.joints import HOME_JOINTS
 
 _kinematics = cache(Kinematics)
 

@@ -11,7 +11,22 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from duobench.backend import Image
+from duobench.core.backend import Image
+from duobench.core.errors import DataError, OtherRunError, SeveralTasksError, check_known
+from duobench.core.files import (
+    check_outside,
+    check_there,
+    digest_of,
+    encode,
+    locked,
+    replacing,
+    write,
+)
+from duobench.core.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
+from duobench.core.randomness import EVAL, SUITE_VERSION, look_number
+from duobench.core.types import CONTROL_HZ, Array
+from duobench.core.versions import package_versions
+from duobench.core.video import AV1, VideoWriter
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource, RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.data.lerobot.actions import labels_of
@@ -31,17 +46,10 @@ from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
 from duobench.envs.action_modes import CARTESIAN, JOINT
-from duobench.errors import DataError, OtherRunError, SeveralTasksError, check_known
-from duobench.files import check_outside, check_there, digest_of, encode, locked, replacing, write
-from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
-from duobench.looks.catalog import RANDOM
-from duobench.randomness import EVAL, SUITE_VERSION, look_number
-from duobench.robot.cameras import describe_cameras
-from duobench.sim import rendering
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ, Array
-from duobench.versions import package_versions
-from duobench.video import AV1, VideoWriter
+from duobench.world.looks.catalog import RANDOM
+from duobench.world.robot.cameras import describe_cameras
+from duobench.world.sim import rendering
 
 _Job = tuple[ExportFolder, int]
 """An episode to export: the folder, and its number there."""

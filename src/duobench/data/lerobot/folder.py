@@ -11,15 +11,15 @@ from typing import Any, Self
 
 import pyarrow as pa
 
+from duobench.core.errors import OtherRunError
+from duobench.core.files import begin_or_continue, differences, read, remove_temporary
+from duobench.core.lerobot_keys import ACTION, DOMAIN, DOMAINS, IMAGE_PREFIX, OBJECT_STATE, STATE
+from duobench.core.types import CONTROL_HZ
+from duobench.core.video import AV1
 from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
 from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
-from duobench.errors import OtherRunError
-from duobench.files import begin_or_continue, differences, read, remove_temporary
-from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, IMAGE_PREFIX, OBJECT_STATE, STATE
-from duobench.types import CONTROL_HZ
-from duobench.video import AV1
 
 SCHEMA = 3
 """Version of `Export` and `EpisodeFacts`."""

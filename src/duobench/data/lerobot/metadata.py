@@ -13,7 +13,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from duobench.backend import Image
+from duobench.core.backend import Image
+from duobench.core.errors import DataError
+from duobench.core.files import write
+from duobench.core.types import CONTROL_HZ, Array
 from duobench.data.lerobot import v21
 from duobench.data.lerobot.folder import (
     CHUNK_SIZE,
@@ -28,9 +31,6 @@ from duobench.data.lerobot.folder import (
 )
 from duobench.data.lerobot.options import Format
 from duobench.data.recording import to_bytes, to_numpy
-from duobench.errors import DataError
-from duobench.files import write
-from duobench.types import CONTROL_HZ, Array
 
 ROBOT = "franka_fr3_duo"
 DATA_MB, VIDEO_MB = 100, 200

@@ -4,16 +4,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from duobench.core.errors import DataError, OptionError, check_known
+from duobench.core.types import POLICY_CAMERAS, as_several, as_size
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.state_labels import StatePart
-from duobench.errors import DataError, OptionError, check_known
-from duobench.looks import catalog as looks
-from duobench.looks.catalog import DEFAULT, RANDOM, as_look
-from duobench.robot.cameras import check_image_size
-from duobench.types import POLICY_CAMERAS, as_several, as_size
+from duobench.world.looks import catalog as looks
+from duobench.world.looks.catalog import DEFAULT, RANDOM, as_look
+from duobench.world.robot.cameras import check_image_size
 
 LEAST_SIZE = 4
 """Pixels along an edge of a video that its encoder takes at least."""

@@ -4,9 +4,9 @@ import hmac
 import os
 from pathlib import Path
 
-from duobench.errors import ServingError
-from duobench.files import read_text, reading
-from duobench.machine import is_loopback
+from duobench.core.errors import ServingError
+from duobench.core.files import read_text, reading
+from duobench.core.machine import is_loopback
 
 KEY_VARIABLE = "DUOBENCH_API_KEY"
 """Environment variable with a key; a command line would show it to everybody on the machine."""

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import SplitResult, urlsplit
 
-from duobench.errors import ServingError
+from duobench.core.errors import ServingError
 from duobench.policy.batch import Batching
 from duobench.policy.registry import MADE_ALONE, SCRIPTED, PolicyKind
 from duobench.policy.serving import access

@@ -12,7 +12,7 @@ import msgspec
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
-from duobench.errors import (
+from duobench.core.errors import (
     ConnectionLostError,
     MachineryError,
     MessageError,

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from duobench.errors import MessageError
+from duobench.core.errors import MessageError
 from duobench.policy.serving import limits
 
 _ARRAY, _SCALAR = "__ndarray__", "__npgeneric__"

@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 from websockets.frames import CloseCode
 from websockets.sync.client import ClientConnection, connect
 
-from duobench.errors import (
+from duobench.core.errors import (
     LONGEST_TEXT,
     ConnectionLostError,
     MachineryError,
@@ -31,7 +31,7 @@ from duobench.errors import (
     ServingError,
     escaped,
 )
-from duobench.machine import HERE
+from duobench.core.machine import HERE
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.serving import access, limits

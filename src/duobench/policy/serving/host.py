@@ -19,7 +19,9 @@ import websockets
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from duobench.errors import DuoBenchError, MessageError, PolicyError, PolicyTimeoutError
+from duobench.core.errors import DuoBenchError, MessageError, PolicyError, PolicyTimeoutError
+from duobench.core.serving_thread import ServingThread
+from duobench.core.types import as_whole
 from duobench.policy.batch import ONE_BY_ONE, Batching, BatchPolicy, PolicyPool, Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
@@ -27,8 +29,6 @@ from duobench.policy.registry import PolicyName, make_batched
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
-from duobench.serving_thread import ServingThread
-from duobench.types import as_whole
 
 T = TypeVar("T")
 

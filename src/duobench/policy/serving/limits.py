@@ -3,7 +3,7 @@
 A peer that sends more, or takes longer, is refused; that costs little memory and time.
 """
 
-from duobench.types import FLAT_SIZE
+from duobench.core.types import FLAT_SIZE
 
 PROTOCOL = 1
 """Version of what our server adds to openpi's protocol."""

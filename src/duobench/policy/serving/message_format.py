@@ -15,12 +15,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.core.errors import ServingError, UnknownNameError, check_known
+from duobench.core.files import read_text, reading
+from duobench.core.types import ARM_JOINTS, SIDE_SIZE
 from duobench.envs import action_modes
-from duobench.errors import ServingError, UnknownNameError, check_known
-from duobench.files import read_text, reading
 from duobench.policy.batch import Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, as_chunk, dimensions
-from duobench.types import ARM_JOINTS, SIDE_SIZE
 
 _PACKAGE = "duobench.policy.serving"
 FORMATS = ("aloha", "droid", "libero", "vla_eval", "vlagents")

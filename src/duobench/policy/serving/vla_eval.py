@@ -14,15 +14,15 @@ from typing import Any
 import msgspec
 from websockets.sync.client import ClientConnection
 
+from duobench.core.errors import MachineryError, MessageError, ServingError, escaped
+from duobench.core.versions import __version__
 from duobench.envs import action_modes
-from duobench.errors import MachineryError, MessageError, ServingError, escaped
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, dimensions
 from duobench.policy.serving.codec import unpack
 from duobench.policy.serving.connection import LOST, ConnectedPolicy, actions_of, reported
 from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.message_format import MessageFormat
-from duobench.versions import __version__
 
 Spec = dict[str, Any]
 

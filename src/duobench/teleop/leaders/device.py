@@ -5,11 +5,11 @@ from typing import Protocol
 
 import numpy as np
 
+from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array, DuoCommand, DuoState
 from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.teleop.intent import Intent
 from duobench.teleop.messages import Message
-from duobench.types import CONTROL_HZ, OPENING_SLOTS, Array, DuoCommand, DuoState
 
 ALIGNED = 0.35
 """Largest distance in radians of a leader's joint from the robot's for an episode to begin."""

@@ -13,13 +13,13 @@ from typing import Any, Self
 
 import numpy as np
 
-from duobench.errors import LeaderError
-from duobench.files import read_text, reading
-from duobench.machine import load_extra
-from duobench.robot.joints import JOINT_RANGES
-from duobench.settings import decode
+from duobench.core.errors import LeaderError
+from duobench.core.files import read_text, reading
+from duobench.core.machine import load_extra
+from duobench.core.settings import decode
+from duobench.core.types import ARM_JOINTS, SIDES, Array, DuoCommand
 from duobench.teleop.hands import MAX_AGE_S
-from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
+from duobench.world.robot.joints import JOINT_RANGES
 
 BAUD = 57_600
 """Bits a second, as the servos are delivered."""

@@ -10,11 +10,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from duobench.core.errors import LeaderError, UnknownNameError
+from duobench.core.lerobot_keys import POSITION
+from duobench.core.machine import load_extra
+from duobench.core.types import Array
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import LeaderError, UnknownNameError
-from duobench.lerobot_keys import POSITION
-from duobench.machine import load_extra
-from duobench.types import Array
 
 NEEDED = "Teleoperators of LeRobot need LeRobot"
 

@@ -1,0 +1,1 @@
+"""Words and helpers that every wing shares: types, errors, files, randomness."""

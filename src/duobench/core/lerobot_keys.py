@@ -1,0 +1,75 @@
+"""What LeRobot and the Hub call things: columns, where checkpoints are, what stands on cards."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from duobench.core.errors import OptionError
+
+FORMAT = "v3.0"
+"""Version of its data set format that LeRobot 0.6 trains from."""
+STATE, ACTION = "observation.state", "action"
+"""Proprioception, and the actions."""
+OBJECT_STATE = "observation.environment_state"
+"""Where the objects are, as numbers."""
+IMAGE_PREFIX = "observation.images."
+"""What the name of a camera's images begins with."""
+DOMAIN = "domain"
+"""Column of an export that says where a row is from; the index of one of `DOMAINS`."""
+DOMAINS = ("sim", "real")
+"""What the numbers 0 and 1 of that column stand for, for mixed training."""
+LAST = "checkpoints/last/pretrained_model"
+"""The last checkpoint, in the folder of a training."""
+STEP = "checkpoints/last/training_state/training_step.json"
+"""How many steps it was trained for."""
+SUITE = "suite_version"
+"""Key of the suite's version, in what `duobench` writes beside a data set and a checkpoint."""
+FEATURE_NAMES = "duobench_names.json"
+"""File beside a checkpoint that says what the numbers of its features are: names by feature.
+LeRobot keeps only how many there are."""
+CARD, ID = "README.md", "USER/NAME"
+"""The card of a data set or a checkpoint on the Hub, and what stands for an id there."""
+_ID = re.compile(r"(?!.*(--|\.\.|\.git$))(?=.{1,96}$)\w([\w.-]*\w)?(/\w([\w.-]*\w)?)?", re.ASCII)
+_LONGEST_CELL = 200
+_LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")
+POSITION = ".pos"
+"""What LeRobot appends to the name of a joint for its position."""
+EXECUTED = 30
+"""Actions that are executed of each chunk [paper]."""
+
+
+def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
+    """What the numbers of a feature are, as the `meta/info.json` of a data set says.
+
+    The names may stand under a heading of their own (`{"motors": [...]}`), and come without
+    `POSITION`, which LeRobot's robots append; None where nothing is said.
+    """
+    try:
+        names = info["features"][feature]["names"]
+    except (KeyError, TypeError):
+        return None
+    if isinstance(names, Mapping) and len(names) == 1:
+        (names,) = names.values()
+    if not isinstance(names, list):
+        return None
+    return [name.removesuffix(POSITION) if isinstance(name, str) else name for name in names]
+
+
+def check_card(name: str, licence: str) -> None:
+    """Refuse what the Hub would refuse once everything is uploaded."""
+    if not _ID.fullmatch(name):
+        raise OptionError(
+            f"A name on the Hub is {ID}, of at most 96 letters, digits and _, with single dots and "
+            f"dashes between them; got {name!r}."
+        )
+    if not _LICENCE.fullmatch(licence):
+        raise OptionError(
+            "The Hub knows licences by words such as apache-2.0, mit, cc-by-4.0, other; "
+            f"got {licence!r}."
+        )
+
+
+def in_cell(value: object) -> str:
+    """A value in a cell of a Markdown table: in one line, without bars, and no longer than that."""
+    text = " ".join(str(value).split()).replace("|", "\\|")
+    return text if len(text) <= _LONGEST_CELL else f"{text[:_LONGEST_CELL]}…"

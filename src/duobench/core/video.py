@@ -1,0 +1,192 @@
+"""The encoders of videos, frame by frame, into a file or into memory, and of single images."""
+
+import io
+import math
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import BinaryIO
+
+import av
+import numpy as np
+from av.container import OutputContainer
+from av.error import FFmpegError
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+from PIL import Image as Pillow
+
+from duobench.core.errors import VideoError
+from duobench.core.files import writing
+
+Image = NDArray[np.uint8]
+JPEG_QUALITY = 80
+_QUIET = ("SVT_LOG", "1")
+"""Environment variable by which the encoder of AV1 prints errors only."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Codec:
+    """How videos are encoded: the same frames give the same bytes."""
+
+    encoder: str
+    """As FFmpeg calls it, like `container`, the format of the file."""
+    options: Mapping[str, str]
+    container: str
+    container_options: Mapping[str, str] = field(default_factory=dict)
+    pixel_format: str = "yuv420p"
+    """How a frame is stored; this one needs an even height and width."""
+
+
+VP9 = Codec(
+    encoder="libvpx-vp9",
+    options={"deadline": "realtime", "cpu-used": "6", "crf": "33", "b": "0"},
+    container="webm",
+)
+"""To look at: every current browser plays it, also those that come without licensed codecs."""
+AV1 = Codec(
+    encoder="libsvtav1",
+    options={"crf": "30", "g": "2", "preset": "9", "svtav1-params": "lp=1"},
+    container="mp4",
+    container_options={"movflags": "faststart"},  # the index first: reading begins at once
+)
+"""To learn from, with LeRobot's defaults but for the preset: with groups of two frames, a training
+reads frames in any order without decoding many others. LeRobot's preset 12 keeps less of every
+second frame, and 8 takes nearly twice the time to be a sixth smaller (540 frames of two tasks: 42.2
+dB there with 8 and 9, 41.7 with 12). One thread (lp): episodes are what runs in parallel."""
+H264 = Codec(
+    encoder="libx264",
+    options={"preset": "ultrafast", "tune": "zerolatency", "crf": "20", "g": "15"},
+    container="mp4",
+    container_options={
+        "movflags": "frag_every_frame+empty_moov+default_base_moof",
+        "flush_packets": "1",
+    },
+)
+"""To record with: three cameras in real time on one core, and every frame is in the file as soon as
+it is encoded, so that a process that is killed leaves a video that can be read. A key frame every
+half second."""
+
+
+class VideoWriter:
+    """Encodes a video frame by frame; it begins with the first one, and ends when it is closed.
+
+    The target is a file, or a stream in memory (not for AV1, whose index moves to the front);
+    without a frame nothing is written into it. The rate is in frames a second.
+    """
+
+    def __init__(self, target: Path | BinaryIO, codec: Codec, rate: Fraction | int) -> None:
+        self._target, self._codec, self._rate = target, codec, rate
+        self._open: tuple[OutputContainer, VideoStream] | None = None
+        self._frames = 0
+        self._is_broken = False
+
+    def add(self, image: Image) -> None:
+        """Add a frame (height, width, 3), both even."""
+        with self._encoding():
+            self._open = self._open or self._opened(*image.shape[:2])
+            frame = av.VideoFrame.from_ndarray(image, format="rgb24")
+            frame.pts = self._frames
+            self._frames += 1
+            container, stream = self._open
+            with _ordinary_priority():  # threads begin with the first frame
+                packets = stream.encode(frame)
+            container.mux(packets)
+
+    def close(self) -> None:
+        """Finish the video; one that failed is left as it is."""
+        if self._open is None:
+            return
+        container, stream = self._open
+        self._open = None
+        try:
+            if not self._is_broken:  # FFmpeg would crash here
+                with self._encoding():
+                    container.mux(stream.encode())
+        finally:
+            with self._encoding():
+                container.close()
+
+    @contextmanager
+    def _encoding(self) -> Iterator[None]:
+        target = self._target
+        try:
+            with writing(target) if isinstance(target, Path) else nullcontext():
+                yield
+        except FFmpegError as error:
+            self._is_broken = True
+            raise VideoError(
+                f"A video cannot be encoded with {self._codec.encoder}: {error}."
+            ) from error
+        except BaseException:
+            self._is_broken = True
+            raise
+
+    def _opened(self, height: int, width: int) -> tuple[OutputContainer, VideoStream]:
+        codec = self._codec
+        os.environ.setdefault(*_QUIET)
+        # Bit-exact: no identifiers that change from run to run.
+        options = {"fflags": "+bitexact", **codec.container_options}
+        container = av.open(self._target, "w", format=codec.container, options=options)
+        stream = container.add_stream(codec.encoder, rate=self._rate, options=dict(codec.options))
+        if not isinstance(stream, VideoStream):
+            raise AssertionError(f"{codec.encoder} encodes videos.")
+        stream.height, stream.width = height, width
+        stream.pix_fmt = codec.pixel_format
+        stream.codec_context.thread_count = 1
+        return container, stream
+
+
+@contextmanager
+def _ordinary_priority() -> Iterator[None]:
+    """Take back the realtime priority that the encoder of AV1 gives to all threads where it may.
+
+    A user with that right, such as root, would have encoders, and all that is started after them,
+    keep everything else on the machine from running.
+    """
+    tasks = Path("/proc/self/task")
+    ordinary = getattr(os, "SCHED_OTHER", None)
+    if ordinary is None or not tasks.is_dir() or os.sched_getscheduler(0) != ordinary:
+        yield
+        return
+    yield
+    if os.sched_getscheduler(0) == ordinary:
+        return
+    for task in tasks.iterdir():
+        with suppress(ProcessLookupError):
+            os.sched_setscheduler(int(task.name), ordinary, os.sched_param(0))
+
+
+def write_video(
+    frames: Iterable[Image], target: Path | BinaryIO, codec: Codec, rate: Fraction | int
+) -> None:
+    """Encode a video of frames (height, width, 3); see `VideoWriter`."""
+    with closing(VideoWriter(target, codec, rate)) as writer:
+        for image in frames:
+            writer.add(image)
+
+
+def last_frame(path: Path) -> Image:
+    """The last frame (height, width, 3) of a video."""
+    try:
+        with av.open(path) as container:
+            container.seek(container.duration or 0)  # to the last key frame
+            frames = deque(container.decode(video=0), maxlen=1)
+    except (FFmpegError, OSError, IndexError) as error:
+        raise VideoError(f"{path} cannot be decoded: {error}.") from error
+    if not frames:
+        raise VideoError(f"{path} has no frame.")
+    return np.asarray(frames[0].to_ndarray(format="rgb24"), dtype=np.uint8)
+
+
+def jpeg(image: Image, width: int | None = None) -> bytes:
+    """An image (height, width, 3) as JPEG, of at most so many pixels across."""
+    picture = Pillow.fromarray(image)
+    if width is not None:
+        picture = picture.reduce(max(1, math.ceil(picture.width / width)))
+    file = io.BytesIO()
+    picture.save(file, "JPEG", quality=JPEG_QUALITY)
+    return file.getvalue()

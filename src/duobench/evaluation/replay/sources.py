@@ -1,0 +1,351 @@
+"""What can be viewed: a task, recorded episodes, and those of a run, also while others write it."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from duobench.core.errors import DuoBenchError, EvaluationError, check_known
+from duobench.data import DataSet, ImageSource, Recording
+from duobench.data.dataset import DESCRIPTION as DATA_SET
+from duobench.envs.config import LAYOUT_SEED
+from duobench.envs.sim_env import SimEnv
+from duobench.evaluation.replay.player import Latest, RecordPlayer, why_not
+from duobench.evaluation.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
+from duobench.evaluation.replay.verify import disagreements
+from duobench.results.attempts import ERROR, FAILURE, SUCCESS
+from duobench.results.bundle import open_source
+from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader
+from duobench.results.journal import end_of
+from duobench.results.records import EpisodeRecord
+from duobench.results.scores import group_by_condition
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+from duobench.web.server import PageServer
+from duobench.world.looks.catalog import DEFAULT, as_look
+from duobench.world.looks.look import Look
+
+LAYOUTS = 20
+FAILURES = 5
+"""Failures that are listed, the latest first."""
+_LATEST = 20
+"""Finished episodes from whose times the remaining time is estimated."""
+_BREAK_S = 3600.0
+"""Seconds without a finished episode that are a break of the run, which counts nowhere."""
+_LEAVING_S, _LOADING_S, _LOOK_S = 10.0, 2.0, 0.1
+"""Seconds that visitors have to open the report and then to load it, and between two looks."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Item:
+    """Something that can be chosen."""
+
+    id: str
+    title: str
+    detail: str = ""
+    state: str = ""
+    """How it ended; empty where nothing did."""
+
+
+class TaskSource:
+    """A task as its resets leave it: an environment at rest, which is reset whenever one chooses.
+
+    Its layouts are those of `duobench render --seed`.
+    """
+
+    def __init__(self, task: str | Task, look: str | Look = DEFAULT) -> None:
+        self._task, self._look = catalog.get(task), as_look(look)
+        self._env: Latest[SimEnv] = Latest()
+        self._scenes = SceneCache()
+        self.title = self._task.title
+        self.items = [Item(id=str(seed), title=f"Layout {seed}") for seed in range(LAYOUTS)]
+
+    def load(self, item: str) -> Trajectory:
+        """Reset the environment."""
+        env = self._env.get(self._task.id, lambda: SimEnv(self._task, look=self._look))
+        _, info = env.reset(options={LAYOUT_SEED: int(item)})
+        recorder = TrajectoryRecorder(self._scenes, self._look)
+        recorder.on_episode_start(env, {}, info)
+        return recorder.trajectory()
+
+    def close(self) -> None:
+        """Close the environment."""
+        self._env.close()
+
+
+class DataSource:
+    """The episodes of a data set, as their recorded states are."""
+
+    def __init__(
+        self, data: DataSet, look: str | Look = DEFAULT, tasks: Sequence[str] = ()
+    ) -> None:
+        self._data, self._look = data, as_look(look)
+        self.title = data.path.name
+        self._paths = {f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)}
+        self.items = [_recorded(name, path) for name, path in self._paths.items()]
+        self._source: Latest[ImageSource] = Latest()
+        self._scenes = SceneCache()
+
+    def load(self, item: str) -> Trajectory:
+        """Collect the poses of every recorded state."""
+        recording = Recording.read(self._paths[item])
+        info = recording.info
+        task = catalog.get(self._data.reference(info))
+        if info.is_real:
+            raise EvaluationError(
+                "It was played on real arms, whose objects nobody measured: there is no state of a "
+                "simulation to show."
+            )
+        source = self._source.get(info.task, lambda: ImageSource(task, cameras=(), look=self._look))
+        source.show(recording, 0)  # with the variants of its layout
+        recorder = TrajectoryRecorder(self._scenes, self._look)
+        recorder.begin(source.simulation, task, info.instruction, info.subinstructions)
+        for row in range(len(recording) + 1):
+            source.show(recording, row)
+            recorder.add(row, int(recording.stage[row]))
+        return recorder.trajectory()
+
+    def close(self) -> None:
+        """Close the simulation."""
+        self._source.close()
+
+
+class RunSource:
+    """The finished episodes of a run, played again from the joint targets in their records.
+
+    Args:
+        run: The run.
+        look: How it looks.
+        tasks: Only the episodes of these tasks; of all if none is named.
+        import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
+            the modules that the run names.
+    """
+
+    def __init__(
+        self,
+        run: RunReader,
+        look: str | Look = DEFAULT,
+        tasks: Sequence[str] = (),
+        *,
+        import_tasks: bool = False,
+    ) -> None:
+        self._look, self._reader = as_look(look), run
+        self.run = run.read_run()
+        titles = ", ".join(candidate.title for candidate in self.run.candidates)
+        self.title = f"{run.path.name}: {titles}"
+        known = {task.id for task in self.run.suite.tasks}
+        self._wanted = {catalog.id_of(task) for task in tasks} or known
+        for task in self._wanted:
+            check_known("task in the run", task, known)
+        self.records: dict[str, EpisodeRecord] = {}
+        """Of all finished episodes, by the ids of their items."""
+        self.items: list[Item] = []
+        self._player = RecordPlayer(self.run, import_tasks=import_tasks)
+        self._scenes = SceneCache()
+        self.refresh()
+
+    def refresh(self) -> None:
+        """List what is finished now; only records that were not there before are read."""
+        before, several = self.records, len(self.run.conditions) > 1
+        self.records = {}
+        for key in self._reader.finished(self.run):
+            if key.task in self._wanted:
+                name = f"{key.task}/{f'{key.condition}/' if several else ''}{key.episode}"
+                record = before.get(name) or self._reader.read_record(self.run, key)
+                self.records[name] = record
+        self.items = [_finished(name, record) for name, record in self.records.items()]
+
+    def load(self, item: str) -> Trajectory:
+        """Play the targets of a record, and collect the poses."""
+        record = self.records[item]
+        if reason := why_not(record):
+            raise EvaluationError(f"{reason} {record.reason}".rstrip())
+        recorder = TrajectoryRecorder(self._scenes, self._look)
+        replay = self._player.replay(record, [recorder])
+        notes = [record.reason] if record.error else [record.missing] if record.missing else []
+        if found := disagreements(record, replay):
+            notes.append(f"Played again here it comes out differently: {'; '.join(found)}.")
+        return recorder.trajectory(" ".join(notes))
+
+    def close(self) -> None:
+        """Close the environment."""
+        self._player.close()
+
+
+class FollowedRun:
+    """A run as a source of a viewer, whose episodes come as they are finished.
+
+    It reads the records that are there, each once, and knows nothing of what plays. There may be
+    none yet, nor a run.
+
+    Args:
+        folder: The folder of the run.
+        server: The page, which gives the report out.
+        look: How it looks.
+        tasks: Only the episodes of these tasks; of all if none is named.
+        import_tasks: See `RunSource`.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        server: PageServer,
+        look: str | Look = DEFAULT,
+        tasks: Sequence[str] = (),
+        *,
+        import_tasks: bool = False,
+    ) -> None:
+        self.title = folder.path.name
+        self._folder, self._server = folder, server
+        self._look, self._tasks, self._import_tasks = as_look(look), tasks, import_tasks
+        self._source: RunSource | None = None
+        self._finished_at: dict[str, float] = {}
+
+    @property
+    def items(self) -> Sequence[Item]:
+        """The finished episodes."""
+        return [] if self._source is None else self._source.items
+
+    def load(self, item: str) -> Trajectory:
+        """Play the targets of a record, and collect the poses."""
+        if self._source is None:
+            raise AssertionError("Nothing is finished.")
+        return self._source.load(item)
+
+    def close(self) -> None:
+        """Free the environment."""
+        if self._source is not None:
+            self._source.close()
+
+    def refresh(self, is_last: bool = False) -> dict[str, Any]:
+        """What a page shows of the run now; its report at the end, of the run or of this."""
+        try:
+            shown: dict[str, Any] = {"run": self._read()}
+        except (DuoBenchError, OSError) as error:  # it is begun anew, or something is broken
+            shown = {"run": {"note": f"The run cannot be read now: {error}"}}
+        if self._folder.page.exists() and (is_last or self._is_over()):
+            base = self._server.publish_folder(self._folder.path)
+            shown["report"] = base + self._folder.page.name
+        elif is_last:
+            shown |= {"ended": True, "run": {"note": "This page has ended. There is no report."}}
+        return shown
+
+    def wait_for_visitors(self) -> None:
+        """Wait until all have loaded the report, a moment at most."""
+        deadline = time.monotonic() + _LEAVING_S
+        while self._server.has_viewers and time.monotonic() < deadline:
+            time.sleep(_LOOK_S)
+        time.sleep(_LOADING_S if self._folder.page.exists() else 0.0)
+
+    def _read(self) -> dict[str, Any]:
+        if not self._folder.description.exists():
+            return {"note": "Nothing is written yet."}
+        if self._source is None:
+            self._source = RunSource(
+                self._folder, self._look, self._tasks, import_tasks=self._import_tasks
+            )
+            self.title = self._source.title
+        source = self._source
+        source.refresh()
+        for name, record in source.records.items():
+            if name not in self._finished_at:
+                self._finished_at[name] = self._folder.record(record.key).stat().st_mtime
+        times = sorted(self._finished_at[name] for name in source.records)
+        began, is_whole = self._folder.description.stat().st_mtime, len(times) == source.run.size
+        parts = group_by_condition(source.run, source.records.values())
+        rows = [
+            {
+                "condition": part.condition.name if len(parts) > 1 else "",
+                "task": one.task.id,
+                "of": source.run.suite.episodes,
+                **one.score.numbers(),
+            }
+            for part in parts
+            for one in part.results.tasks
+        ]
+        latest = sorted(source.items, key=lambda item: -self._finished_at[item.id])
+        failed = [item for item in latest if item.state in {FAILURE, ERROR}][:FAILURES]
+        return {
+            "finished": len(times),
+            "of": source.run.size,
+            "elapsed_s": sum(_gaps([began, *times, *([] if is_whole else [time.time()])])),
+            "left_s": _left_s(times, source.run.size),
+            "rows": rows,
+            "failures": [{"id": each.id, "title": each.title} for each in failed],
+        }
+
+    def _is_over(self) -> bool:
+        """Whether every episode has a record, and the report is newer than the last of them."""
+        source = self._source
+        if source is None or len(source.records) < source.run.size:
+            return False
+        return self._folder.page.stat().st_mtime >= max(self._finished_at.values(), default=0.0)
+
+
+ViewSource = TaskSource | DataSource | RunSource | FollowedRun
+"""Episodes to view; they are loaded, and what they hold is freed, in one thread."""
+
+
+def open_view(
+    what: str, look: str | Look = DEFAULT, tasks: Sequence[str] = (), *, import_tasks: bool = False
+) -> ViewSource:
+    """What a word names: a data set or a run by its folder, a bundle of a run, or a task.
+
+    Args:
+        what: Folder or file, id of a task, or its import path.
+        look: How it looks.
+        tasks: Only the episodes of these tasks; of all if none is named.
+        import_tasks: See `RunSource`.
+    """
+    path = Path(what)
+    if (path / DATA_SET).exists():
+        source = DataSource(
+            DataSet.open(
+                path, create=False, import_tasks=import_tasks, own_tasks=catalog.import_paths(tasks)
+            ),
+            look,
+            tasks,
+        )
+    elif path.is_file() or (path / RUN).exists():
+        source = RunSource(open_source(path), look, tasks, import_tasks=import_tasks)
+    elif path.exists() and catalog.plain(what) not in catalog.names():
+        raise EvaluationError(
+            f"{what} holds neither a data set ({DATA_SET}) nor an evaluation ({RUN})."
+        )
+    else:
+        return TaskSource(what, look)
+    if not source.items:
+        raise EvaluationError(f"{what} has no finished episode to view.")
+    return source
+
+
+def _recorded(name: str, path: Path) -> Item:
+    info = Recording.read_info(path)
+    outcome = info.outcome
+    succeeded = outcome is not None and outcome.success
+    actor = info.actor.name or str(info.actor.kind)
+    stage = "" if outcome is None else f", stage {outcome.stage} of {outcome.max_stage}"
+    state = SUCCESS if succeeded else FAILURE
+    detail = f"{actor}: {state}{stage}"
+    return Item(id=name, title=name.replace("/", " "), detail=detail, state=state)
+
+
+def _finished(name: str, record: EpisodeRecord) -> Item:
+    state = end_of(record)
+    detail = f"{state}, stage {record.final_stage} of {record.max_stage}"
+    return Item(id=name, title=f"{record.task} {record.episode}", detail=detail, state=state)
+
+
+def _gaps(moments: Sequence[float]) -> list[float]:
+    """Seconds between moments, one after the other, without breaks."""
+    return [gap for a, b in pairwise(moments) if 0.0 <= (gap := b - a) <= _BREAK_S]
+
+
+def _left_s(times: Sequence[float], size: int) -> float | None:
+    """Seconds until the rest is finished at the pace of the latest episodes; None if unknown."""
+    gaps = _gaps(times[-_LATEST:])
+    if not gaps:
+        return 0.0 if len(times) == size else None
+    return (size - len(times)) * sum(gaps) / len(gaps)

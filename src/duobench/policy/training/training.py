@@ -1,0 +1,426 @@
+"""The command that trains a policy with LeRobot on an exported data set."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+from duobench.core.errors import (
+    DataError,
+    NoObjectStatesError,
+    OtherRunError,
+    PolicyError,
+    check_known,
+)
+from duobench.core.files import read_object, write
+from duobench.core.lerobot_keys import (
+    ACTION,
+    DOMAIN,
+    FEATURE_NAMES,
+    FORMAT,
+    IMAGE_PREFIX,
+    LAST,
+    OBJECT_STATE,
+    STATE,
+    STEP,
+    SUITE,
+    feature_names,
+)
+from duobench.core.machine import install_extra
+from duobench.core.randomness import SUITE_VERSION
+from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.envs import action_labels, state_labels
+from duobench.envs.spaces import JOINT_NAMES
+from duobench.envs.state_labels import StatePart
+from duobench.policy.training.recipes import OBJECT_STATES, RECIPES, SMALL, Recipe, Setting
+from duobench.tasks import catalog
+
+PROGRAM = "lerobot-train"
+ALL = "all"
+"""Stands for every task of a data set."""
+_NOTED = "meta/duobench"
+_DESCRIBING = ("meta/tasks.parquet", "meta/episodes/chunk-000/file-000.parquet")
+PLUGIN = "lerobot_env_duobench"
+"""Distribution that lets the column `domain` reach X-VLA."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Training:
+    """A training that can begin; tasks, names and version are what the data set says."""
+
+    settings: tuple[Setting, ...]
+    """Options of `lerobot-train`, each with where its value comes from."""
+    folder: Path
+    tasks: tuple[str, ...]
+    names: Mapping[str, Sequence[str]]
+    """What the numbers of its features are."""
+    suite_version: str | None
+
+    def command(self, more: Sequence[str] = ()) -> list[str]:
+        """The command; more options, `--name=value`, take the place of those of the same name."""
+        replaced = {word.partition("=")[0] for word in more}
+        kept = [one.argument for one in self.settings if f"--{one.option}" not in replaced]
+        return [PROGRAM, *kept, *more]
+
+    @property
+    def checkpoint(self) -> Path:
+        """Where the policy will be."""
+        return self.folder / LAST
+
+    def is_finished(self, more: Sequence[str] = ()) -> bool:
+        """Whether the last checkpoint has all steps that the command asks for."""
+        try:
+            done = json.loads((self.folder / STEP).read_bytes())["step"]
+            wanted = dict(word.split("=", 1) for word in self.command(more)[1:] if "=" in word)
+            return done >= int(wanted["--steps"])
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            return False
+
+    def name_features(self) -> None:
+        """Write beside every checkpoint what its numbers are, which LeRobot does not keep."""
+        text = json.dumps({**self.names, SUITE: self.suite_version}, indent=2) + "\n"
+        for folder in self.checkpoint.parent.parent.glob(f"*/{self.checkpoint.name}"):
+            write(folder / FEATURE_NAMES, text)
+
+
+def plan_all(
+    kind: str,
+    data: Path,
+    out: Path,
+    *,
+    tasks: Sequence[str] = (),
+    steps: int | None = None,
+    small: bool = False,
+    domain_ids: bool = False,
+) -> tuple[Training, ...]:
+    """Prepare one training, or one for each task where a policy learns one task.
+
+    Args:
+        kind: Name of a recipe.
+        data: Folder of a data set in LeRobot's format v3.0, or of one for each task.
+        out: Folder of the training, new or with one that goes on; with several, that of their
+            folders, which are named as their tasks.
+        tasks: Ids of the tasks to learn, or `ALL`. A policy that takes no instruction learns each
+            in a training of its own, unless only one is named.
+        steps: Steps of the optimizer; None takes the recipe's.
+        small: Whether to take the recipe for a processor.
+        domain_ids: Whether the policy is told which episodes are simulated and which are real, and
+            where it plays in an evaluation.
+    """
+    data = data.absolute()
+    wanted = () if ALL in tasks else tuple(tasks)
+    one = partial(_plan, kind, steps=steps, small=small, domain_ids=domain_ids)
+    folders = {path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")}
+    if folders:  # of an export with a data set for each task
+        for task in wanted:
+            check_known(f"task in {data}", task, folders)
+        sources = [(task, LearningData(folders[task])) for task in wanted or sorted(folders)]
+        if not all(_recipe(kind, small, source).one_task for _, source in sources):
+            raise DataError(
+                f"{kind} learns several tasks from one data set, and {data} holds one for each "
+                "task: export all tasks into one."
+            )
+        return tuple(one(source, out / task) for task, source in sources)
+    source = LearningData(data)
+    is_alone = ALL not in tasks and len(set(tasks)) <= 1
+    if is_alone or not _recipe(kind, small, source).one_task:
+        return (one(source, out, tasks=wanted),)
+    learned = _tasks(source, wanted, needed=True)
+    return tuple(one(source, out / task, tasks=[task]) for task in learned)
+
+
+def _plan(
+    kind: str,
+    source: LearningData,
+    out: Path,
+    *,
+    tasks: Sequence[str] = (),
+    steps: int | None,
+    small: bool,
+    domain_ids: bool,
+) -> Training:
+    """One training, of all tasks of one data set if none is named."""
+    recipe = _recipe(kind, small, source)
+    learned = _tasks(source, tasks)
+    if recipe.one_task and len(learned) > 1:
+        raise DataError(
+            f"{kind} takes no instruction and learns one task; name one of: {', '.join(learned)}; "
+            f"or several, or {ALL}, for a training each."
+        )
+    settings = [
+        Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
+        Setting("dataset.root", str(source.path), "given"),
+        Setting("dataset.video_backend", "pyav", "ours: needs no FFmpeg on the machine"),
+    ]
+    rows = None
+    if tasks:
+        rows = [row for row, task in enumerate(source.episodes() or []) if task in learned]
+        listed = ",".join(map(str, rows))
+        settings.append(Setting("dataset.episodes", f"[{listed}]", "given: their tasks"))
+    if domain_ids:
+        settings.append(_domain_setting(kind, recipe, source))
+    out = out.absolute()
+    if out.exists():
+        config = _check_same(out, kind, source, rows)
+        why = "the training in this folder goes on, with its own settings"
+        settings = [Setting("config_path", str(config), why), Setting("resume", "true", why)]
+    else:
+        free = max((os.cpu_count() or 1) - 1, 0)
+        settings += [
+            *recipe.settings,
+            Setting("num_workers", str(min(recipe.workers, free)), "ours: free cores"),
+            Setting("policy.push_to_hub", "false", "ours: it stays here"),
+            Setting("output_dir", str(out), "given"),
+        ]
+    settings.append(recipe.steps if steps is None else Setting("steps", str(steps), "given"))
+    return Training(
+        settings=tuple(settings),
+        folder=out,
+        tasks=learned,
+        names=source.names,
+        suite_version=source.suite_version,
+    )
+
+
+def program() -> Path:
+    """Where `lerobot-train` is; a `PolicyError` where LeRobot is not installed."""
+    beside = Path(sys.executable).with_name(PROGRAM)
+    command = str(beside) if beside.exists() else shutil.which(PROGRAM)
+    if command is None:
+        raise PolicyError(f"There is no {PROGRAM} here. {install_extra('lerobot')}")
+    return Path(command)
+
+
+def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
+    if source.holds_objects_alone:
+        if kind in RECIPES and kind not in OBJECT_STATES:
+            raise DataError(
+                f"{kind} learns from images, and {source.path} has object states alone: export "
+                f"images, or train one of {', '.join(OBJECT_STATES)}, which learn from these."
+            )
+        check_known("recipe for object states", kind, OBJECT_STATES)
+        return OBJECT_STATES[kind]
+    recipes = SMALL if small else RECIPES
+    if kind in OBJECT_STATES and kind not in RECIPES:
+        raise NoObjectStatesError(
+            f"{kind} learns from object states without images; {source.path} has no such export."
+        )
+    check_known("small recipe" if small else "recipe", kind, recipes)
+    if not source.has_images:
+        raise DataError(
+            f"{kind} learns from images, and {source.path} has none: export it with cameras."
+        )
+    return recipes[kind]
+
+
+def _tasks(source: LearningData, wanted: Sequence[str], *, needed: bool = False) -> tuple[str, ...]:
+    """Ids of the wanted tasks, or of all; none if that is not known, and not needed."""
+    episodes = source.episodes()
+    if episodes is None:
+        if wanted or needed:
+            raise DataError(
+                f"{source.path} does not say which episodes are of which task: meta/duobench.json "
+                "is missing. Train on all of it, or on an export of these tasks."
+            )
+        return ()
+    there = tuple(dict.fromkeys(episodes))
+    wanted = [catalog.id_of(task) for task in wanted]
+    for task in wanted:
+        check_known(f"task in {source.path}", task, there)
+    return tuple(dict.fromkeys(wanted)) or there
+
+
+def _domain_setting(kind: str, recipe: Recipe, source: LearningData) -> Setting:
+    """The option that tells a policy which episodes are simulated."""
+    if not recipe.takes_domains:
+        raise DataError(f"{kind} learns from both domains without knowing which is which.")
+    if not source.mixes_domains():
+        raise DataError(f"{source.path} has episodes of one domain alone.")
+    try:
+        distribution(PLUGIN)
+    except PackageNotFoundError as error:
+        raise PolicyError(
+            "The data set has simulated and real episodes. LeRobot 0.6 tells X-VLA which is which "
+            f"only with {PLUGIN}, the second distribution of this repository. In a clone of it: "
+            "pip install ./plugins/lerobot"
+        ) from error
+    why = "given: simulated and real episodes are distinguished; the paper does not"
+    return Setting("policy.domain_feature_key", DOMAIN, why)
+
+
+def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | None) -> Path:
+    """The settings in a folder that holds an earlier part of this training."""
+    path = out / LAST / "train_config.json"
+    try:
+        before = json.loads(path.read_bytes())
+        facts = {
+            "policy": before["policy"]["type"],
+            "data set": before["dataset"]["root"],
+            "episodes": before["dataset"].get("episodes"),
+        }
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ) as error:
+        raise OtherRunError(
+            f"{out} exists and holds no checkpoint to go on from: no {path.relative_to(out)}. "
+            "Train into another folder, or delete this one."
+        ) from error
+    now: dict[str, object] = {"policy": kind, "data set": str(source.path)}
+    if rows is not None:  # else no task is named; an option of LeRobot may have chosen some
+        now["episodes"] = rows
+    if changed := [
+        f"{name}: {fact!s:.200}, was {'all' if facts[name] is None else facts[name]!s:.200}"
+        for name, fact in now.items()
+        if fact != facts[name]
+    ]:
+        raise OtherRunError(
+            f"{out} holds another training; this one differs in {'; '.join(changed)}."
+        )
+    return path
+
+
+class LearningData:
+    """A data set in LeRobot's format that a policy can learn from, as far as its JSON files tell.
+
+    Any writer's will do: this package's export, a merge, or a set of one's own.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        info = self._read("meta/info.json")
+        if info is None:
+            raise DataError(
+                f"{path} holds no data set of LeRobot: there is no meta/info.json. Recordings must "
+                "be exported first."
+            )
+        if info.get("codebase_version") != FORMAT:
+            raise DataError(
+                f"{path} has LeRobot's format {info.get('codebase_version')}; {FORMAT} is needed."
+            )
+        if lost := self._lost(info.get("total_episodes") or 0):
+            raise DataError(
+                f"{path / lost[0]} is not as the export left it; such files: {len(lost)}. Export "
+                "again: the same command goes on and writes what is missing."
+            )
+        self._features = info.get("features") or {}
+        if problems := list(_problems(info, self._features)):
+            raise DataError(
+                f"Nothing that plays here can be learned from {path}: {' '.join(problems)}"
+            )
+        found = {key: feature_names(info, key) for key in (STATE, OBJECT_STATE, ACTION)}
+        self.names = {key: list(map(str, names)) for key, names in found.items() if names}
+        """What the numbers of its features are, where it says so."""
+        self.suite_version = (self._read("meta/duobench.json") or {}).get(SUITE)
+        """Version of the suite that its episodes are of, where it says so."""
+        if self.suite_version not in (None, SUITE_VERSION):
+            raise DataError(
+                f"{path} is of suite {self.suite_version}; this version has suite {SUITE_VERSION}, "
+                "whose episodes are others. Record or generate and export them again."
+            )
+
+    def _lost(self, episodes: int) -> list[str]:
+        """Files of an export that are missing or not whole; of other writers' none are known."""
+        if not (self.path / _NOTED).is_dir():
+            return []
+        sizes: dict[str, int | None] = dict.fromkeys(_DESCRIBING)
+        for index in range(episodes):
+            facts = f"{_NOTED}/{index:06d}.json"
+            sizes |= {facts: None, **(self._read(facts) or {}).get("sizes", {})}
+        return [name for name, size in sizes.items() if not self._is_whole(name, size)]
+
+    def _is_whole(self, name: str, size: int | None) -> bool:
+        path = self.path / name
+        return path.is_file() and size in {None, path.stat().st_size}
+
+    def _read(self, name: str) -> dict[str, Any] | None:
+        return read_object(self.path / name, DataError)
+
+    def episodes(self) -> list[str] | None:
+        """The task of each episode; None if nothing says so, as in a merged data set."""
+        about = self._read("meta/duobench.json")
+        if about is None:
+            return None
+        try:
+            return [Path(episode["file"]).parent.name for episode in about["episodes"]]
+        except (KeyError, TypeError) as error:
+            raise DataError(
+                f"meta/duobench.json of {self.path} does not list episodes with their files, as an "
+                "export does; export again."
+            ) from error
+
+    @property
+    def has_images(self) -> bool:
+        """Whether there are images of a camera."""
+        return any(key.startswith(IMAGE_PREFIX) for key in self._features)
+
+    @property
+    def holds_objects_alone(self) -> bool:
+        """Whether there are object states, and no images."""
+        return OBJECT_STATE in self._features and not self.has_images
+
+    def mixes_domains(self) -> bool:
+        """Whether there are simulated and real episodes."""
+        domains = (self._read("meta/stats.json") or {}).get(DOMAIN)
+        if DOMAIN not in self._features or not isinstance(domains, dict):
+            return False
+        return domains.get("min") != domains.get("max")
+
+
+def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
+    """What keeps a policy that learns from a data set from playing here, one sentence each."""
+    if info.get("fps") != CONTROL_HZ:
+        yield f"It has {info.get('fps')} rows a second; {CONTROL_HZ:g} are needed."
+    if not isinstance(features, Mapping):
+        features = {}
+    names = feature_names(info, ACTION)
+    labels = action_labels.find(JOINT_NAMES if names is None else names)
+    if labels is None:
+        yield (
+            f"Its actions are {', '.join(map(str, names or ()))}, which no action mode has; see "
+            "duobench docs lerobot for the names."
+        )
+    else:
+        yield from _wrong_shape(features, ACTION, len(labels.names))
+    yield from _state_problems(features, feature_names(info, STATE))
+    for key in features:
+        if key.startswith("observation") and key not in _SEEN:
+            yield f"There is no {key} here; a policy sees {', '.join(_SEEN)}."
+
+
+def _state_problems(features: Mapping[str, Any], names: list[Any] | None) -> Iterator[str]:
+    """What keeps a policy from seeing the state that it learned from."""
+    parts = state_labels.find(names or JOINT_NAMES)
+    if parts is None:
+        yield (
+            f"{STATE} is {', '.join(map(str, names or ()))}; {', '.join(JOINT_NAMES)} are needed, "
+            f"and tool poses may follow: {', '.join(StatePart.TCP_POSE.names)}."
+        )
+        return
+    yield from _wrong_shape(features, STATE, len(state_labels.names_of(parts)))
+    for part in parts:
+        if part not in state_labels.SHOWN:
+            yield f"{STATE} holds {part}, which no environment shows; export without it."
+
+
+_SEEN = (STATE, OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_CAMERAS))
+"""What an environment can show, under the names of a data set."""
+
+
+def _wrong_shape(features: Mapping[str, Any], key: str, size: int) -> Iterator[str]:
+    feature = features.get(key)
+    shape = feature.get("shape") if isinstance(feature, Mapping) else None
+    if list(shape or ()) != [size]:
+        yield f"{key} has shape {shape}; [{size}] is needed."

@@ -1,0 +1,260 @@
+"""How to print a job: printer, settings, masses, sizes to measure, and what it takes.
+
+Filament and time are estimates from the volume, `MATERIAL_PER_SECOND` says how.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from duobench.core import pages
+from duobench.printing import details
+from duobench.printing.details import Dimension, PurchasedPart, shopping_lines
+from duobench.printing.formats import hex_colour
+from duobench.printing.parts import PrintedPart, PrintJob, lay_out
+from duobench.world.objects.mazes import CELLS, MAZES, Cell
+from duobench.world.objects.shapes import PRINTER
+from duobench.world.objects.solid import PLA_DENSITY
+
+RECIPE_SCHEMA = 2
+NOZZLE, LAYER, FINE_LAYER = 0.4, 0.2, 0.12
+"""Diameter of the nozzle and height of the layers in mm; the finer ones are for chamfers."""
+WALLS, CAPS = 4, 5
+"""Lines of a wall, and layers of a floor or a roof."""
+SPARSE = 0.15
+"""Share that is filled of what may be lighter than simulated."""
+SOLID_PATTERN, SPARSE_PATTERN = "rectilinear", "grid"
+"""Patterns of what is filled, by the names that slicers give them. A pattern has to be named: the
+one that some of them begin with is refused at 100 %."""
+TOLERANCE = 0.05
+"""Share by which the mass of what is lifted may be off."""
+MATERIAL_PER_SECOND = 8e-9
+"""Volume in m³ that a printer lays down in a second, all in all, in layers of 0.2 mm; in finer
+ones less by as much. A slow printer needs twice the time, and a fast one half of it."""
+WASTE = 1.05
+"""What is laid down over what is in the parts: purged, brims, supports."""
+_STEEP = 0.72
+"""Share of an area that looks up or down from which on it is a floor or a roof."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PartRecipe:
+    """How to print one part."""
+
+    name: str
+    file: str
+    """Its STL, in the folder of the recipe."""
+    body: str
+    count: int
+    beds: list[int]
+    """On which beds of the 3MF its copies lie, counted from 1."""
+    size_mm: tuple[float, float, float]
+    """Width, depth and height as it lies."""
+    orientation: str
+    colour: str
+    colour_changes: list[tuple[float, str]]
+    """From which height (mm above the bed) on it has another colour."""
+    layer_mm: float
+    walls: int
+    infill_percent: int
+    """How much of it is filled: 100 is solid."""
+    infill_pattern: str
+    supports: str
+    volume_cm3: float
+    mass_g: tuple[float, float, float] | None
+    """Mass of one: least, target and most. None where it may weigh anything."""
+    filament_g: float
+    """Estimate for all copies, as `hours` is."""
+    hours: float
+    dimensions: list[Dimension]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObjectRecipe:
+    """What an object weighs when it is put together, and how it is fixed."""
+
+    body: str
+    """The object, or the part of it that moves by itself."""
+    mass_g: tuple[float, float, float] | None
+    """Least, target and most. None where it may weigh anything."""
+    fixing: str
+    """How it is fixed to the table; empty for what is not."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Recipe:
+    """How to print a job."""
+
+    id: str
+    """The task, "coupon" or "jig"."""
+    title: str
+    printer: str
+    material: str
+    nozzle_mm: float
+    file: str | None
+    """The 3MF with all parts; None where nothing is printed."""
+    beds: int
+    parts: list[PartRecipe]
+    objects: list[ObjectRecipe]
+    """What they are put together to."""
+    assembly: list[str]
+    """How that is done."""
+    bought: list[PurchasedPart]
+    notes: list[str]
+    filament_g: float
+    """Estimate, as `hours` is."""
+    hours: float
+
+
+def recipe_of(job: PrintJob) -> Recipe:
+    """How to print a job."""
+    spots = lay_out(job.parts)
+    known = details.details_of(job.id)
+    beds = {part.name: [s.bed + 1 for s in spots if s.part is part] for part in job.parts}
+    parts = [_part(job.id, part, beds[part.name]) for part in job.parts]
+    return Recipe(
+        id=job.id,
+        title=job.title,
+        printer=f"filament, bed and height of {1000 * PRINTER:.0f} mm",
+        material=f"PLA, {PLA_DENSITY:.0f} kg/m³ when printed solid",
+        nozzle_mm=NOZZLE,
+        file=f"{job.id}.3mf" if parts else None,
+        beds=max((spot.bed + 1 for spot in spots), default=0),
+        parts=parts,
+        objects=[
+            ObjectRecipe(
+                body=each.body,
+                mass_g=_range(1000 * each.mass) if each.is_solid else None,
+                fixing=known.fixing.get(each.body, ""),
+            )
+            for each in job.masses
+        ],
+        assembly=list(known.assembly),
+        bought=list(job.bought),
+        notes=_notes(job),
+        filament_g=round(math.fsum(part.filament_g for part in parts), 1),
+        hours=round(math.fsum(part.hours for part in parts), 1),
+    )
+
+
+def extruded(part: PrintedPart) -> float:
+    """Volume in m³ that is laid down for one part: all of it, or walls, caps and sparse infill."""
+    volume = part.volume
+    if part.is_solid:
+        return volume
+    corners = part.mesh.vertices[part.mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    areas = np.linalg.norm(normals, axis=1)
+    is_flat = np.abs(normals[:, 2]) > _STEEP * areas
+    skin = float(areas[~is_flat].sum() * WALLS * NOZZLE + areas[is_flat].sum() * CAPS * LAYER)
+    skin = min(volume, skin / 1000)
+    return skin + SPARSE * (volume - skin)
+
+
+def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
+    key = _key(job, part)
+    changes = [details.CHANGES[key]] if key in details.CHANGES else []
+    laid_down = extruded(part) * part.count * WASTE
+    layer = FINE_LAYER if key in details.FINE else LAYER
+    width, depth, height = (round(1000 * float(edge), 2) for edge in part.size)
+    return PartRecipe(
+        name=part.name,
+        file=f"{part.name}.stl",
+        body=part.body,
+        count=part.count,
+        beds=sorted(set(beds)),
+        size_mm=(width, depth, height),
+        orientation=_orientation(part),
+        colour=hex_colour(part.rgba),
+        colour_changes=[(round(1000 * above, 3), hex_colour(rgba)) for above, rgba in changes],
+        layer_mm=layer,
+        walls=WALLS,
+        infill_percent=100 if part.is_solid else round(100 * SPARSE),
+        infill_pattern=SOLID_PATTERN if part.is_solid else SPARSE_PATTERN,
+        supports=details.details_of(job).supports.get(key.partition("/")[2], "none"),
+        volume_cm3=round(1e6 * part.volume, 2),
+        mass_g=_range(1000 * part.mass) if part.is_solid else None,
+        filament_g=round(1000 * laid_down * part.density, 1),
+        hours=round(laid_down / MATERIAL_PER_SECOND * LAYER / layer / 3600, 2),
+        dimensions=[
+            *(
+                Dimension(what=what, mm=mm, tolerance_mm=details.FREE)
+                for what, mm in (("width", width), ("depth", depth), ("height", height))
+            ),
+            *details.DIMENSIONS.get(key, ()),
+            *part.sizes,
+        ],
+    )
+
+
+def _key(job: str, part: PrintedPart) -> str:
+    """Task, body and piece, without the number of a variant."""
+    body, slash, rest = part.body.partition("/")
+    stem = body.rpartition("_")[0] if body.rpartition("_")[2].isdigit() else body
+    return "/".join(filter(None, (job, stem + slash + rest, part.piece)))
+
+
+def _range(grams: float) -> tuple[float, float, float]:
+    least, target, most = (grams * (1 + k * TOLERANCE) for k in (-1, 0, 1))
+    return round(least, 1), round(target, 1), round(most, 1)
+
+
+def _orientation(part: PrintedPart) -> str:
+    up = part.print_from_object.rotation[2]
+    axis = int(np.abs(up).argmax())
+    if up[axis] < 1 - 1e-6 and up[axis] > -1 + 1e-6:
+        return "as it lies in the 3MF"
+    name = f"{'+' if up[axis] > 0 else '-'}{'xyz'[axis]}"
+    return "as it stands on the table" if name == "+z" else f"its {name} side up"
+
+
+def _notes(job: PrintJob) -> list[str]:
+    notes = [*details.details_of(job.id).notes, *job.notes]
+    if job.id == "ball_maze":
+        for each in job.masses:
+            number = each.body.rpartition("_")[2]
+            if number.isdigit():
+                maze = MAZES[int(number)]
+                notes.append(
+                    f"Maze {number}, seen from above as it lies in the 3MF: it starts "
+                    f"{_corner(maze.start)}, its goal is {_corner(maze.goal)}."
+                )
+    return notes
+
+
+def _corner(cell: Cell) -> str:
+    column, row = cell
+    return f"{'back' if row == CELLS - 1 else 'front'} {'right' if column == CELLS - 1 else 'left'}"
+
+
+# --- the page ---
+
+UNTRIED = (
+    "Nothing of this was printed by us so far; a slicer, PrusaSlicer, takes all parts of the "
+    "benchmark in tests. Print the coupon first, weigh and measure."
+)
+
+
+def recipe_page(recipe: Recipe) -> str:
+    """A recipe as a page for people, in Markdown."""
+    return pages.render(
+        "duobench.printing",
+        "recipe.md.j2",
+        recipe=recipe,
+        bought=list(shopping_lines(recipe.bought)),
+        mass=_mass,
+        untried=UNTRIED,
+        waste=f"{100 * (WASTE - 1):.0f}",
+        rate=f"{1e9 * MATERIAL_PER_SECOND:.0f}",
+        layer=LAYER,
+        sparse=f"{100 * SPARSE:.0f}",
+        tolerance=f"{100 * TOLERANCE:.0f}",
+    )
+
+
+def _mass(grams: tuple[float, float, float] | None) -> str:
+    if grams is None:
+        return "any"
+    least, target, most = grams
+    return f"{target:.1f} ({least:.1f} to {most:.1f})"

@@ -1,0 +1,62 @@
+"""What a lab's cell allows: where tools stay, and what stands in the way."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from duobench.core.errors import OptionError
+from duobench.core.types import Array
+from duobench.world.robot.frames import tcp_poses
+from duobench.world.robot.joints import HOME_JOINTS
+
+Point = tuple[float, float, float]
+LONGEST = 5.0
+"""Longest side of an obstacle, and how far away anything is at most, in metres."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Workspace:
+    """Where both tools stay: a box in the table frame."""
+
+    low: Point = (0.1, -0.6, -0.02)
+    """Its least x, y and z in metres."""
+    high: Point = (0.8, 0.6, 0.8)
+    """Its largest; experts of all tasks stay 0.1 m within the box [measured]."""
+
+    def __post_init__(self) -> None:
+        tools = tcp_poses(HOME_JOINTS)[:, :3]
+        if not ((self.low < tools) & (tools < self.high)).all():
+            x, y, z = tools[0]
+            raise OptionError(
+                f"low and high of a workspace have both tools at home between them, x {x:.2f}, "
+                f"y {-y:.2f} and {y:.2f}, z {z:.2f}; got {list(self.low)} and {list(self.high)}."
+            )
+
+    def room(self, point: Array) -> float:
+        """How far in metres a point (3,) is inside, at least; negative where it is outside."""
+        return float(min(np.min(point - self.low), np.min(self.high - point)))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Obstacle:
+    """Something that stands still, and from which arms and hands keep away: an upright box."""
+
+    centre: Point
+    """Its middle in the table frame, in metres."""
+    size: Point
+    """Its lengths along its own x, y and z, in metres."""
+    yaw: float = 0.0
+    """How far it is turned about the vertical, in radians."""
+
+    def __post_init__(self) -> None:
+        if not all(0.0 < length <= LONGEST for length in self.size):
+            raise OptionError(
+                f"size is three lengths over 0 and at most {LONGEST:g} m, got {list(self.size)}."
+            )
+        if not all(abs(value) <= LONGEST for value in self.centre):
+            raise OptionError(
+                f"centre is at most {LONGEST:g} m away along each axis, got {list(self.centre)}."
+            )
+        if not abs(self.yaw) <= math.tau:
+            raise OptionError(f"yaw is an angle in radians, at most a turn; got {self.yaw}.")

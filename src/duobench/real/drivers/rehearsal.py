@@ -1,0 +1,266 @@
+"""Arms, grippers and cameras of a rehearsal: the drivers' protocols over one simulated world."""
+
+import copy
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+
+from duobench.core.backend import Image
+from duobench.core.errors import BackendError, RenderingError, check_known
+from duobench.core.types import SIDES, Array, Side
+from duobench.real.clock import Clock, SystemClock, Ticker, VirtualClock
+from duobench.real.devices import ArmReading, Device
+from duobench.real.drivers.frames import TickedCamera
+from duobench.real.drivers.robotiq import RobotiqGripper
+from duobench.real.rehearsal import RELEASE, RehearsalWorld
+from duobench.real.rig import ArmConfig, CameraConfig, GripperConfig
+from duobench.world.sim.rendering import Renderer
+
+RENDER_S = 0.1
+"""Seconds from one rendering of all cameras to the next."""
+
+
+class RehearsalArm:
+    """The arm of the world that stands on the mount which the rig's address names."""
+
+    def __init__(self, config: ArmConfig, clock: Clock, world: RehearsalWorld) -> None:
+        self._config, self._clock, self._world = config, clock, world
+        self.mount = _side(config.address, "address")
+        """The mount on which it stands."""
+        self._arm = world.arms[self.mount]
+
+    def connect(self) -> None:
+        """Reach the arm."""
+        self._world.set_gains(self.mount, self._config)
+        self._world.enter(self)
+
+    def close(self) -> None:
+        """Stop."""
+        self.stop()
+        self._world.leave(self)
+
+    def read(self) -> ArmReading:
+        """The latest physics step, which is as new as a reading can be."""
+        arm = self._arm
+        return ArmReading(
+            time_s=self._clock.now(),
+            joints=arm.joints.copy(),
+            velocities=arm.velocities.copy(),
+            torques=arm.torques.copy(),
+            is_tracking=arm.is_tracking,
+            fault=arm.fault,
+            state={
+                "q": arm.joints.copy(),
+                "dq": arm.velocities.copy(),
+                "tau_J": arm.torques.copy(),
+                "tau_ext_hat_filtered": arm.external.copy(),
+                "O_F_ext_hat_K": arm.wrench.copy(),
+            },
+        )
+
+    def start(self) -> None:
+        """Hold the measured joints and follow commands."""
+        if self._arm.fault is not None:
+            raise BackendError(f"The arm cannot start: {self._arm.fault.text}")
+        with self._world.lock:
+            self._arm.stop()
+            self._arm.is_tracking = True
+
+    def command(self, joints: Array, velocities: Array) -> None:
+        """Track a point of a path; nothing is said if it cannot, as with the real one."""
+        if self._arm.is_tracking:
+            self._arm.target, self._arm.speed = joints.copy(), velocities.copy()
+
+    def stop(self) -> None:
+        """Come to rest where it is."""
+        with self._world.lock:
+            self._arm.stop()
+
+    def recover(self) -> None:
+        """Clear a fault; not while the emergency stop is pressed."""
+        if self._world.is_stopped:
+            raise BackendError(RELEASE)
+        self._arm.fault = None
+
+
+class RehearsalPort:
+    """Leads to the registers of a gripper of the world, in place of a serial line."""
+
+    trouble = ""
+
+    def __init__(self, world: RehearsalWorld, side: Side) -> None:
+        self._world, self._registers = world, world.grippers[side]
+
+    @property
+    def is_open(self) -> bool:
+        """Always: its cable cannot be pulled."""
+        return True
+
+    def open(self) -> bool:
+        """Have the world's time pass."""
+        self._world.enter(self)
+        return True
+
+    def write(self, values: Sequence[int]) -> bool:
+        """Write the registers of the command, if the gripper has power."""
+        with self._world.lock:
+            if self._has_answer():
+                self._registers.write(values)
+        return self._registers.has_power
+
+    def read(self) -> list[int] | None:
+        """Read the registers of the status, if the gripper has power."""
+        with self._world.lock:
+            return self._registers.read() if self._has_answer() else None
+
+    def close(self) -> None:
+        """Let go of the world."""
+        self._world.leave(self)
+
+    def _has_answer(self) -> bool:
+        self.trouble = "" if self._registers.has_power else "it has no power"
+        return self._registers.has_power
+
+
+class RehearsalViews:
+    """Images of all cameras of the world, ten times a second, by a process of its own."""
+
+    def __init__(self, clock: Clock, world: RehearsalWorld) -> None:
+        self._clock, self._world = clock, world
+        self._shapes: dict[str, tuple[int, int]] = {}
+        self._lock = threading.Lock()
+        self._scene: tuple[Any, mujoco.MjModel, mujoco.MjData] | None = None
+        self._renderers: dict[tuple[int, int], Renderer] = {}
+        self._ticker: Ticker | None = None
+        self._newest: dict[str, Image] = {}
+        self._trouble = ""
+
+    def add(self, name: str, shape: tuple[int, int]) -> None:
+        """Render a camera from now on.
+
+        Raises:
+            BackendError: Nothing renders here.
+        """
+        self._world.enter(self)
+        self._shapes[name] = shape
+        self._render()
+        self._world.look_again = self._tick
+        if self._ticker is None:
+            # In virtual time images are those of their moments; people's arms wait for none.
+            is_virtual = type(self._clock) is VirtualClock
+            clock = self._clock if is_virtual else SystemClock()
+            self._ticker = clock.every(RENDER_S, self._tick, "rendering")
+
+    def remove(self, name: str) -> None:
+        """Render a camera no more."""
+        self._shapes.pop(name, None)
+        if self._shapes or self._scene is None:
+            return
+        if self._ticker is not None:
+            self._ticker.stop()
+        self._forget()
+        self._ticker = None
+        self._world.look_again = lambda: None
+        self._world.leave(self)
+
+    def image(self, name: str) -> Image:
+        """The newest image of a camera.
+
+        Raises:
+            BackendError: Nothing renders any more.
+        """
+        if self._trouble:
+            raise BackendError(self._trouble)
+        return self._newest[name]
+
+    def _tick(self) -> None:
+        try:
+            self._render()
+        except BackendError as error:
+            self._trouble = str(error)
+
+    def _render(self) -> None:
+        original, moved = self._world.scene()
+        with self._lock:
+            if self._scene is None or original is not self._scene[0]:
+                self._forget()
+                model = copy.copy(original)
+                self._scene = original, model, mujoco.MjData(model)
+            _, model, data = self._scene
+            data.qpos[:], data.mocap_pos[:], data.mocap_quat[:], model.geom_rgba[:] = moved
+            for bring_up_to_date in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
+                bring_up_to_date(model, data)
+            newest: dict[str, Image] = {}
+            for shape in set(self._shapes.values()):
+                if shape not in self._renderers:
+                    self._renderers[shape] = Renderer(model, height=shape[0], width=shape[1])
+                names = [name for name, each in self._shapes.items() if each == shape]
+                try:
+                    newest |= self._renderers[shape].render_all(data, names)
+                except RenderingError as error:
+                    raise BackendError(f"Images cannot be rendered: {error}") from error
+            self._newest = newest
+        self._trouble = ""
+
+    def _forget(self) -> None:
+        """Free what renders."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers, self._scene = {}, None
+
+
+class RehearsalCamera(TickedCamera):
+    """Gives the newest image of the world at the rate of the rig.
+
+    Images are rendered ten times a second, so that each comes several times, as new: what is asked
+    of the age of real images is asked of these too, and a slow computer loses no trial by them.
+    """
+
+    def __init__(
+        self, config: CameraConfig, clock: Clock, name: str, views: RehearsalViews
+    ) -> None:
+        super().__init__(config, clock, name)
+        self._views = views
+
+    def connect(self) -> None:
+        """Begin to take images."""
+        if self._ticker is None:
+            self._views.add(self.name, self.config.size)
+        super().connect()
+
+    def close(self) -> None:
+        """Take no more images."""
+        super().close()
+        self._views.remove(self.name)
+
+    def _image(self, index: int) -> Image:  # noqa: ARG002 - whatever its number
+        return self._views.image(self.name)
+
+
+class Rehearsal:
+    """Makes the devices of a rig that share one world."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self.world = RehearsalWorld(clock)
+        """What they act on."""
+        self._views = RehearsalViews(clock, self.world)
+
+    def device(self, config: ArmConfig | GripperConfig | CameraConfig, name: str) -> Device:
+        """The arm on the mount that an address names, a gripper, or the camera of a name.
+
+        A gripper is the driver of real ones, at the registers of the one that a port names.
+        """
+        if isinstance(config, ArmConfig):
+            return RehearsalArm(config, self._clock, self.world)
+        if isinstance(config, GripperConfig):
+            port = RehearsalPort(self.world, _side(config.port, "port"))
+            return RobotiqGripper(config, self._clock, port=port)
+        return RehearsalCamera(config, self._clock, name, self._views)
+
+
+def _side(given: str, field: str) -> Side:
+    check_known(f"{field} of a rehearsal", given, SIDES)
+    return Side(given)

@@ -1,0 +1,182 @@
+"""The operator at a terminal: what is said, what is asked, and keys that count at once."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import partial
+from typing import Protocol
+
+from duobench.core.errors import DuoBenchError
+from duobench.real.duo import FrankaDuo
+from duobench.real.sessions import messages
+from duobench.real.sessions.session import HELD_BY_OPERATOR, Phase, RigSession, Stopped
+
+QUIT = "q"
+"""Key that ends a session."""
+OPERATOR_LOST = "The operator's terminal is gone."
+FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
+ACTIVATES = (
+    "a: activate the {} gripper again, which may clear it. Take away what is between the fingers, "
+    "which will close and open."
+)
+INACTIVE = (
+    "Not active since it was switched on: the {} gripper. Take away what is between the fingers, "
+    "which will close and open.\na: activate; q: end."
+)
+HOLDING = (
+    "Something is held by the {} hand. Take it, so that it does not drop.\n"
+    "l: open the left hand; r: open the right hand; b: open both; q: end."
+)
+HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
+PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
+PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
+WAITING = "The policy does not answer. g: give it up."
+DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
+ASK_WHY = "{}\nIt is discarded. Why did the arms stop?\n{}\nq: end, and leave it undecided."
+
+
+KeyCall = Callable[[str], object]
+"""What a key is given to."""
+
+
+class Operator(Protocol):
+    """A person beside the arms, or a program in that place."""
+
+    def say(self, text: str) -> None:
+        """Show some lines."""
+
+    def ask(self, text: str, keys: str) -> str:
+        """Ask for one of some keys, and wait for it; `QUIT` if nobody can answer any more."""
+        ...
+
+    def listen(self, call: KeyCall | None) -> KeyCall | None:
+        """Have every key given to a call at once, from any thread; None ends it.
+
+        One who has gone gives an empty text.
+
+        Returns:
+            The call that this one takes the place of.
+        """
+        ...
+
+
+@contextmanager
+def listening(operator: Operator, call: KeyCall) -> Iterator[None]:
+    """Have keys given to a call in the block, and to the one before again after it."""
+    before = operator.listen(call)
+    try:
+        yield
+    finally:
+        operator.listen(before)
+
+
+def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
+    """Have set right what keeps the arms from going home; False if the operator ends it instead.
+
+    That is a fault, a gripper that is not active, and what the hands hold. Who has looked presses a
+    key for each; any that counts at once holds the fingers.
+    """
+    while True:
+        if duo.supervisor.fault is not None:
+            question, acts = FAULT.format(duo.supervisor.reason), {"r": duo.supervisor.recover}
+            if faulty := duo.hands.to_activate:
+                question += "\n" + ACTIVATES.format(" and ".join(faulty))
+                acts["a"] = duo.hands.activate
+        elif inactive := duo.hands.inactive:
+            question, acts = INACTIVE.format(" and ".join(inactive)), {"a": duo.hands.activate}
+        elif holding := duo.hands.holding:
+            question = HOLDING.format(" and ".join(holding))
+            acts = {side[0]: partial(duo.hands.open, [side]) for side in holding}
+            acts["b"] = partial(duo.hands.open, holding)
+        else:
+            return True
+        key = operator.ask(question, f"{''.join(acts)}{QUIT}")
+        if key == QUIT:
+            return False
+        try:
+            with listening(operator, partial(hold_by_key, duo)):
+                acts[key]()
+        except DuoBenchError as error:  # it is asked again, with what is still wrong
+            operator.say(str(error))
+
+
+def hold_by_key(duo: FrankaDuo, key: str) -> bool:
+    """Hold both arms where a key says so, or nobody is there any more; whether it did."""
+    if key not in {"", " "}:
+        return False
+    duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)
+    return True
+
+
+class TerminalView:
+    """The view of a session at a terminal: it asks for one key after the other."""
+
+    def __init__(self, session: RigSession, operator: Operator) -> None:
+        self._session, self._operator = session, operator
+        self.placing = ""
+        """Where the objects shall lie, in words."""
+
+    def publish(self) -> None:
+        """Say what the operator has to know while the arms move."""
+        if self._session.waits:
+            self._operator.say(WAITING)
+        elif self._session.phase is Phase.PLAYING:
+            self._operator.say(PLAYING.format(last=self._session.judge.max_stage))
+
+    def next(self) -> messages.Message:
+        """What the operator answers to what is to be done next."""
+        session = self._session
+        if session.is_stopped:
+            raise Stopped
+        said, session.message = session.message, ""
+        if session.phase is Phase.JUDGING and session.reasons:
+            return messages.Invalid(self._why(said, session.reasons))
+        if session.phase is Phase.JUDGING:
+            is_kept = self._ask(DECIDE.format(said), "kd") == "k"
+            return messages.Finish() if is_kept else messages.Invalid("Discarded.")
+        if said:
+            self._operator.say(said)
+        if session.duo.supervisor.fault is not None:
+            session.is_home = False
+        if not session.is_home:
+            if not ask_to_make_ready(session.duo, self._operator):
+                raise Stopped
+            if session.phase is Phase.READY:
+                return messages.PlaceAgain()
+            self._ask(HOME, "h")
+            return self._confirmed(messages.Home())
+        if session.phase is Phase.PLACING:
+            self._ask(PLACE.format(self.placing), "p")
+            return messages.Placed()
+        return self._confirmed(messages.Start())
+
+    def moving(self) -> AbstractContextManager[None]:
+        """Keys count at once."""
+        return listening(self._operator, self._take)
+
+    def _confirmed(self, message: messages.Message) -> messages.Message:
+        """A message that has the operator's word with it."""
+        self._session.take(message)
+        return message
+
+    def _why(self, said: str, reasons: Sequence[str]) -> str:
+        """What the operator says to why the arms stopped."""
+        choices = {str(number): reason for number, reason in enumerate(reasons, 1)}
+        lines = "\n".join(f"{key}: {reason}" for key, reason in choices.items())
+        return choices[self._ask(ASK_WHY.format(said, lines), "".join(choices))]
+
+    def _ask(self, text: str, keys: str) -> str:
+        key = self._operator.ask(text, f"{keys}{QUIT}")
+        if key == QUIT:
+            raise Stopped
+        return key
+
+    def _take(self, key: str) -> None:
+        session = self._session
+        if hold_by_key(session.duo, key):
+            return
+        if key == "g":
+            session.give_up()
+        elif session.phase is Phase.PLAYING:
+            stage = {"u": None, "s": session.judge.max_stage}.get(key, key)
+            with suppress(DuoBenchError, ValueError):  # other keys say nothing
+                session.judge.declare(None if stage is None else int(stage))

@@ -1,0 +1,145 @@
+"""Pegs in sockets: the predicate `inserted`, for pegs and sockets on any two bodies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from duobench.core.spatial import SE3, hypot, root, sum_of_products
+from duobench.tasks.stages.logic import Predicate, StateView, any_of, leaf
+from duobench.tasks.stages.predicates import USUAL_WAY, mm
+
+if TYPE_CHECKING:
+    from duobench.world.sim.questions import Questions
+
+MAX_ANGLE_DEGREES = 10.0
+"""Largest angle between the axes of an inserted peg and its socket [task definitions]."""
+MAX_OFFSET = 0.004
+"""Largest lateral distance of an inserted peg's tip from the socket's axis, in metres [task
+definitions]."""
+MAX_DEPTH = 0.030
+"""Depth in metres at which a tip has left any socket of the benchmark on its far side."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Port:
+    """An end of a peg, or the mouth of a socket, on a body."""
+
+    body: str
+    pose: SE3
+    """Frame in the body: origin at the peg's tip or the socket's mouth, z pointing outwards."""
+
+    @property
+    def reach(self) -> float:
+        """Distance in metres from the body's origin."""
+        return math.hypot(*self.pose.translation.tolist())
+
+    def axis(self, simulation: Questions) -> Sequence[float]:
+        """Outward direction (3,) in the table frame."""
+        return simulation.turned(self.body, self.pose.rotation[:, 2].tolist())
+
+    def position(self, simulation: Questions) -> Sequence[float]:
+        """Position (3,) in the table frame, in metres."""
+        offset = simulation.turned(self.body, self.pose.translation.tolist())
+        return [a + b for a, b in zip(offset, simulation.origin(self.body), strict=True)]
+
+
+def led_in(simulation: Questions, peg: Port, socket: Port, depth: float, offset: float) -> bool:
+    """Whether a peg's tip is in a socket, however the peg is turned there.
+
+    Args:
+        simulation: The simulation, or many at once.
+        peg: Tip of the peg.
+        socket: Mouth of the socket.
+        depth: How far inside the mouth the tip is at least, in metres; `MAX_DEPTH` is the most.
+        offset: How far from the socket's axis the tip is at most, in metres.
+    """
+    # This costs a tenth of what follows, and is the answer at most steps of an episode.
+    x, y, z = simulation.relative_position(peg.body, socket.body)
+    at_x, at_y, at_z = socket.pose.translation.tolist()
+    furthest = math.hypot(MAX_DEPTH, offset) + peg.reach
+    near = hypot(x - at_x, y - at_y, z - at_z) <= furthest
+    if near is False:  # one simulation; of many, some may be near
+        return False
+    height, aside = tip_in(simulation, peg, socket)
+    return near & (height >= -MAX_DEPTH) & (height <= -depth) & (aside <= offset)
+
+
+def tip_in(simulation: Questions, peg: Port, socket: Port) -> tuple[float, float]:
+    """How far a peg's tip is outside the mouth of a socket, and beside its axis, in metres."""
+    outwards = socket.axis(simulation)
+    ends = zip(peg.position(simulation), socket.position(simulation), strict=True)
+    tip = [end - mouth for end, mouth in ends]
+    height = sum_of_products(tip, outwards)
+    beside = [along - height * axis for along, axis in zip(tip, outwards, strict=True)]
+    return height, root(sum_of_products(beside, beside))
+
+
+def tip_off(simulation: Questions, peg: Port, socket: Port, depth: float) -> float:
+    """How far a peg's tip is from where it is to be in a socket, in usual ways."""
+    height, aside = tip_in(simulation, peg, socket)
+    return hypot(height + depth, aside) / USUAL_WAY
+
+
+def tip_in_words(simulation: Questions, peg: Port, socket: Port) -> str:
+    """The same as a sentence."""
+    height, aside = tip_in(simulation, peg, socket)
+    where = f"{mm(height)} outside" if height > 0 else f"{mm(-height)} inside"
+    return f"peg of {peg.body} is {where} a socket of {socket.body} and {mm(aside)} beside its axis"
+
+
+def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
+    """The peg is in the socket: aligned, and its tip on the axis, deep enough and not beyond.
+
+    The axes differ by at most 10 degrees, the tip is at most 4 mm beside the axis and less than
+    30 mm inside.
+
+    Args:
+        peg: Tip of the peg.
+        socket: Mouth of the socket.
+        depth: How far inside the mouth the tip is at least, in metres.
+    """
+    limit = -math.cos(math.radians(MAX_ANGLE_DEGREES))
+
+    def test(state: StateView) -> bool:
+        sim = state.simulation
+        inside = led_in(sim, peg, socket, depth, MAX_OFFSET)
+        if inside is False:
+            return False
+        return inside & (sum_of_products(peg.axis(sim), socket.axis(sim)) <= limit)
+
+    def otherwise(state: StateView) -> str:
+        sim = state.simulation
+        cosine = -sum_of_products(peg.axis(sim), socket.axis(sim))
+        angle = math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
+        return (
+            f"{tip_in_words(sim, peg, socket)}, {angle:.0f} degrees from it; "
+            f"{mm(depth)} inside, {mm(MAX_OFFSET)} and {MAX_ANGLE_DEGREES:g} degrees are asked for"
+        )
+
+    return leaf(
+        f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}",
+        test,
+        otherwise=otherwise,
+        off=lambda state: tip_off(state.simulation, peg, socket, depth),
+    )
+
+
+def in_any_way(
+    ways: Sequence[tuple[Port, Port]], question: Callable[[Port, Port], Predicate]
+) -> Predicate:
+    """One of several pegs or ends is in one of several sockets; the nearest one is explained.
+
+    Args:
+        ways: Each peg with a socket that will do.
+        question: Whether that one is in that one, such as `engaged`.
+    """
+    each = [question(peg, socket) for peg, socket in ways]
+
+    def otherwise(state: StateView) -> str:
+        away = [math.hypot(*tip_in(state.simulation, peg, socket)) for peg, socket in ways]
+        return ", ".join(each[away.index(min(away))].unmet(state))
+
+    return any_of(*each).called(each[0].name, otherwise)

@@ -1,0 +1,452 @@
+"""The logic that stages are written in: predicates, how they combine, and what they remember.
+
+A predicate is a pure question about one `StateView`. Predicates combine with `&`, `|` and `~`; the
+only memories are `since(p, reset=q)`, which can be forgotten, and, for "still for half a second" or
+"for a second in all", `held_for(p, seconds)`. They are kept by `stages.progress`. That two hands
+were there once says nothing: where coordination is the point, ask for it at the moment that
+matters, or forget it.
+
+A predicate that does not hold says why in words, with `unmet`, if somebody asks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from typing import TYPE_CHECKING, NoReturn, ParamSpec, Self, TypeVar, cast
+
+from duobench.core.errors import TaskError
+from duobench.core.types import CONTROL_HZ
+
+if TYPE_CHECKING:
+    from duobench.world.sim.simulation import Simulation
+
+P = ParamSpec("P")
+R = TypeVar("R", bound="Predicate")
+
+Words = tuple[str, ...]
+"""Statements, one constraint each."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Memory:
+    """What a `since` remembers."""
+
+    event: Predicate
+    """What held at an earlier step."""
+    reset: Predicate | None
+    """What makes it forgotten, if anything does."""
+    only: Predicate | None = None
+    """Predicate that holds wherever one of both does, if known: where not, neither is asked."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Clock:
+    """What counts the control steps at which a predicate holds."""
+
+    of: Predicate
+    """What must hold at a step that counts."""
+    reset: Predicate | None = None
+    """What sets it back to 0; None is every step at which `of` does not hold."""
+
+    def after(self, state: StateView, count: int) -> int:
+        """The count after a step, from that before it."""
+        if self.reset is None:
+            return count + 1 if self.of.ask(state) else 0
+        return 0 if self.reset.ask(state) else count + self.of.ask(state)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class StateView:
+    """One control step as predicates see it."""
+
+    simulation: Simulation
+    """The simulation, whose contacts are those of this step.
+
+    It answers `position(body)` and `pose(body)` in the table frame, in metres, `min_height(prop)`,
+    `relative_position(body, frame)`, `speed(prop)` as m/s and rad/s, `angle(hinge)` in radians, and
+    `contacts.grasped(side, prop)`, `contacts.between(one, other)`.
+    """
+    start_heights: dict[str, float]
+    """Height of each prop's lowest point when the episode began, in metres."""
+    variants: Mapping[str, str]
+    remembered: frozenset[Memory]
+    """What held at an earlier step of this episode and is not forgotten."""
+    lasted: Mapping[Clock, int] = field(default_factory=dict[Clock, int])
+    """Control steps that each clock has counted, this one included."""
+    past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
+    """Why something is not remembered, where an earlier step tells; for explanations alone."""
+    answers: dict[Predicate, bool] = field(default_factory=dict)
+    """Answers so far: a predicate is pure, so it is tested once a control step."""
+    _relative: dict[tuple[str, str], tuple[float, float, float]] = field(default_factory=dict)
+
+    def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
+        """Origin of a body in the frame of another body, in metres, computed once."""
+        found = self._relative.get((body, frame))
+        if found is None:
+            found = self.simulation.relative_position(body, frame)
+            self._relative[body, frame] = found
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predicate:
+    """A named pure question about a control step."""
+
+    name: str
+    """What holds, as a short sentence: "left grasps cube"."""
+    test: Callable[[StateView], bool]
+    """Answers it, from the view alone; other predicates in it must be in `parts`."""
+    parts: tuple[Predicate, ...] = field(default=())
+    """The predicates that `test` calls: `since` and `held_for` in them are remembered."""
+    otherwise: Callable[[StateView], str] | None = field(default=None, repr=False)
+    """What is the case where it does not hold, as a short sentence with the number that was missed:
+    "cube is raised by 4 mm, not by 10 mm"."""
+    off: Callable[[StateView], float] | None = field(default=None, repr=False)
+    """How far off it is where it does not hold: 0 nearly holds, 1 is a usual way to go. For rewards
+    alone, see `stages.nearness`; it takes many simulations where `test` does."""
+    vectorized: bool = field(default=False, repr=False)
+    """Whether `test` also takes the view of n simulations at once, whose numbers are arrays (n,),
+    and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""
+    ask: Callable[[StateView], bool] = field(init=False, repr=False)
+    """The same as a call, as a plain function, which Python calls in half the time."""
+
+    def __post_init__(self) -> None:
+        test = self.test
+
+        def ask(state: StateView) -> bool:
+            answer = state.answers.get(self)
+            if answer is None:
+                answer = state.answers[self] = test(state)
+            return answer
+
+        object.__setattr__(self, "ask", ask)
+
+    def __call__(self, state: StateView) -> bool:
+        """Whether it holds."""
+        return self.ask(state)
+
+    def __and__(self, other: Predicate) -> Predicate:
+        return all_of(self, other)
+
+    def __or__(self, other: Predicate) -> Predicate:
+        return any_of(self, other)
+
+    def __invert__(self) -> Predicate:
+        return _not(self)
+
+    def __bool__(self) -> NoReturn:
+        raise TaskError(
+            f"{self.name!r} is asked at every step, and is neither true nor false by itself: "
+            "combine predicates with &, | and ~, not with `and`, `or` and `not`."
+        )
+
+    def __repr__(self) -> str:
+        return self.name
+
+    def called(self, name: str, otherwise: Callable[[StateView], str] | None = None) -> Self:
+        """The same question in other words, for messages."""
+        return replace(self, name=name, otherwise=otherwise or self.otherwise)
+
+    def unmet(self, state: StateView) -> Words:
+        """Why it does not hold: the constraints in it that do not; nothing where it holds."""
+        return () if self.ask(state) else self.why(state)
+
+    def why(self, state: StateView) -> Words:
+        """Why it holds, or why it does not, whichever is so."""
+        if self.ask(state):
+            return self._met(state)
+        return (self.otherwise(state),) if self.otherwise else self._unmet(state)
+
+    def possible(self, state: StateView) -> bool:  # noqa: ARG002 - variants differ
+        """Whether it can ever hold in the episode's layout."""
+        return True
+
+    def begun(self, state: StateView) -> bool:
+        """Whether an earlier step tells why it does not hold: an alternative that was tried."""
+        return any(part.begun(state) for part in self.parts)
+
+    def _unmet(self, state: StateView) -> Words:  # noqa: ARG002 - what has parts differs
+        return (f"it is not so that {self.name}",)
+
+    def _met(self, state: StateView) -> Words:  # noqa: ARG002 - negations differ
+        return (self.name,)
+
+    def walk(self) -> Iterator[Predicate]:
+        """This predicate and all it is made of, each once, inner ones first."""
+        inner: dict[Predicate, None] = {}
+        self._collect(inner)
+        yield from inner
+
+    def _collect(self, inner: dict[Predicate, None]) -> None:
+        if self not in inner:
+            for part in self.parts:
+                part._collect(inner)
+            inner[self] = None
+
+
+leaf = partial(Predicate, vectorized=True)
+"""A predicate about one step that takes many simulations at once."""
+
+
+def shared(word: Callable[P, R]) -> Callable[P, R]:
+    """Make a word give one and the same predicate for the same arguments.
+
+    Stages ask the same in many places; what is one predicate is tested once a control step.
+    """
+    return cast("Callable[P, R]", cache(word))
+
+
+class Not(Predicate):
+    """What holds makes it fail, and the other way round."""
+
+    __slots__ = ()
+
+    def _unmet(self, state: StateView) -> Words:
+        return self.parts[0].why(state)
+
+    _met = _unmet
+
+
+class AllOf(Predicate):
+    """Each part that does not hold speaks for itself."""
+
+    __slots__ = ()
+
+    def possible(self, state: StateView) -> bool:
+        """Whether all of them can hold."""
+        return all(part.possible(state) for part in self.parts)
+
+    def _unmet(self, state: StateView) -> Words:
+        return _each_once(part.unmet(state) for part in self.parts)
+
+
+class AnyOf(Predicate):
+    """Says what all alternatives lack, and that none of them holds."""
+
+    __slots__ = ()
+
+    def possible(self, state: StateView) -> bool:
+        """Whether one of them can hold."""
+        return any(part.possible(state) for part in self.parts)
+
+    def _unmet(self, state: StateView) -> Words:
+        alternatives = [part for part in self._alternatives() if part.possible(state)]
+        alternatives = [part for part in alternatives if part.begun(state)] or alternatives
+        if not alternatives:
+            return (f"in this layout it cannot be that {self.name}",)
+        reasons = [part.unmet(state) for part in alternatives]
+        shared = tuple(reason for reason in reasons[0] if all(reason in own for own in reasons))
+        if any(len(own) == len(shared) for own in reasons):
+            return shared
+        names: list[str] = []
+        for part, own in zip(alternatives, reasons, strict=True):
+            more = "; ".join(reason for reason in own if reason not in shared)
+            names.append(f"{part.name} ({more})" if part.begun(state) else part.name)
+        names = list(dict.fromkeys(names))
+        start = "neither " if len(names) > 1 else "it is not so that "
+        return (*shared, start + " nor ".join(names))
+
+    def _met(self, state: StateView) -> Words:
+        return _each_once(part.why(state) for part in self.parts if part.ask(state))
+
+    def _alternatives(self) -> Iterator[Predicate]:
+        for part in self.parts:
+            if isinstance(part, AnyOf):
+                yield from part._alternatives()
+            else:
+                yield part
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+class Since(Predicate):
+    """A predicate that held at an earlier step of the episode."""
+
+    memory: Memory
+    when: str = ""
+    """How an explanation calls the last step at which `at` held: "when cube was let go"."""
+    at: Predicate | None = None
+    """Where something is given, an explanation tells of the last step at which this held."""
+
+    def told_of(self, when: str, at: Predicate) -> Since:
+        """The same, explained by what was missing at the last step at which `at` held."""
+        return replace(self, when=when, at=at)
+
+    def begun(self, state: StateView) -> bool:
+        """Whether it was remembered, or could have been."""
+        return self.memory in state.past or self.ask(state) or self._now(state)
+
+    def _now(self, state: StateView) -> bool:
+        return self.at is not None and self.at.ask(state)
+
+    def _unmet(self, state: StateView) -> Words:
+        event = self.memory.event
+        if self._now(state) and not event.ask(state):
+            return event.unmet(state)
+        if why := state.past.get(self.memory):
+            return (why,)
+        # What is made of memories is explained by them.
+        return (event.begun(state) and event.unmet(state)) or (f"not so far: {event.name}",)
+
+    def look_back(self, state: StateView, remembered: frozenset[Memory]) -> str | None:
+        """Why it is not remembered after this step, where the step tells.
+
+        Args:
+            state: The step.
+            remembered: What is remembered after it.
+        """
+        event, reset = self.memory.event, self.memory.reset
+        if self.memory in remembered:
+            return None
+        if self.memory in state.remembered and reset is not None:
+            return f"undone: {event.name} ({', '.join(reset.why(state))})"
+        if self._now(state):
+            missing = event.unmet(state) or (() if reset is None else reset.why(state))
+            return f"{self.when}: {', '.join(missing)}"
+        return state.past.get(self.memory)
+
+
+@shared
+def since(
+    predicate: Predicate, *, reset: Predicate | None = None, only: Predicate | None = None
+) -> Since:
+    """`predicate` held at some earlier step of this episode, and `reset` has not held since.
+
+    Args:
+        predicate: What is remembered.
+        reset: What makes it forgotten, if anything: it held at none of the steps from the one that
+            is remembered to the last one. So `since(left, reset=right)` is true where the last of
+            the two that held was `left`.
+        only: A part of both, without which neither holds.
+    """
+    memory = Memory(event=predicate, reset=reset, only=only)
+    name = f"since {predicate.name}" + ("" if reset is None else f" without {reset.name}")
+    parts = (predicate,) if reset is None else (predicate, reset)
+    return Since(name, lambda state: memory in state.remembered, parts, memory=memory)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Kept:
+    """A number as it was at the last step at which something held; made by `kept`."""
+
+    bits: tuple[Since, ...]
+    """Memories of the binary digits of its whole units, lowest first."""
+    unit: float
+
+    def value(self, state: StateView) -> float:
+        """The number, rounded down to whole units; 0 where nothing has held so far."""
+        return self.unit * sum(2**place for place, bit in enumerate(self.bits) if bit.ask(state))
+
+
+def kept(
+    name: str, number: Callable[[StateView], float], *, when: Predicate, unit: float, most: float
+) -> Kept:
+    """A number as it was at the last step at which `when` held, kept in memories of `since`.
+
+    What asks for its value has its bits among its parts.
+
+    Args:
+        name: What it is, for messages.
+        number: The number, at least 0; it takes many simulations at once.
+        when: When it is looked at.
+        unit: What it is rounded to.
+        most: What it is below.
+    """
+
+    def bit(place: int) -> Since:
+        digit = leaf(
+            f"digit {place} of {name}", lambda state: number(state) / unit // 2**place % 2 >= 1
+        )
+        return since(when & digit, reset=when & ~digit, only=when)
+
+    return Kept(bits=tuple(map(bit, range(int(most / unit).bit_length()))), unit=unit)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+class HeldFor(Predicate):
+    """A predicate that has held for some time."""
+
+    clock: Clock
+    seconds: float
+    """For how long at least, in seconds."""
+
+    @property
+    def steps(self) -> int:
+        """The same in control steps."""
+        return _steps(self.seconds)
+
+    def _unmet(self, state: StateView) -> Words:
+        part = self.clock.of
+        lasted = state.lasted.get(self.clock, 0) / CONTROL_HZ
+        return part.unmet(state) or (
+            f"only for {lasted:.2f} s, not for {self.seconds:g} s: {part.name}",
+        )
+
+
+def _steps(seconds: float) -> int:
+    return max(round(seconds * CONTROL_HZ), 1)
+
+
+@shared
+def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = None) -> Predicate:
+    """`predicate` has held for some time: without a break, or in all.
+
+    Args:
+        predicate: What must hold.
+        seconds: For how long, rounded to control steps of 1/30 s, one at least.
+        reset: Where it is given, time is summed up over breaks since it held last. Otherwise
+            `predicate` has held at every control step of the last `seconds`.
+    """
+    if not 0 < seconds < math.inf:
+        raise TaskError(f"A time that something holds is above 0 s, got {seconds!r}.")
+    clock = Clock(of=predicate, reset=reset)
+    steps = _steps(seconds)
+    return HeldFor(
+        f"{predicate.name} for {seconds:g} s" + ("" if reset is None else " in all"),
+        lambda state: state.lasted.get(clock, 0) >= steps,
+        (predicate,) if reset is None else (predicate, reset),
+        clock=clock,
+        seconds=seconds,
+    )
+
+
+@shared
+def _not(predicate: Predicate) -> Predicate:
+    ask = predicate.ask
+    return Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
+
+
+@shared
+def all_of(*predicates: Predicate) -> Predicate:
+    """All hold."""
+    name = " and ".join(p.name for p in predicates)
+    asks = tuple(p.ask for p in predicates)
+
+    def test(state: StateView) -> bool:
+        for ask in asks:  # noqa: SIM110 - a third of the time of a generator
+            if not ask(state):
+                return False
+        return True
+
+    return AllOf(f"({name})", test, predicates)
+
+
+@shared
+def any_of(*predicates: Predicate) -> Predicate:
+    """At least one holds."""
+    name = " or ".join(p.name for p in predicates)
+    asks = tuple(p.ask for p in predicates)
+
+    def test(state: StateView) -> bool:
+        for ask in asks:  # noqa: SIM110 - a third of the time of a generator
+            if ask(state):
+                return True
+        return False
+
+    return AnyOf(f"({name})", test, predicates)
+
+
+def _each_once(words: Iterable[Words]) -> Words:
+    return tuple(dict.fromkeys(text for some in words for text in some))

@@ -1,0 +1,74 @@
+"""Pouring into a vessel in the air: what counts as poured, and as kept until it is put down."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from duobench.tasks.stages.logic import Predicate, StateView, all_of, any_of, leaf, since
+from duobench.tasks.stages.predicates import CylinderRegion, inside, touching, upright
+from duobench.world.scene.naming import TABLE
+
+LYING_SPEED = 0.25
+"""Speed in m/s, relative to the vessel, below which a thing lies in it. What falls is as fast after
+3 mm, and comes over the rim; what lies in a vessel that is carried or tilted is slower."""
+TILT_TO_POUR_DEGREES = 45.0
+"""From which tilt on a vessel is poured from: what is in it then does not lie in it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Pouring:
+    """Predicates about things that are poured into a vessel; made by `pouring`."""
+
+    some: Predicate
+    """At least one thing lies in the vessel, which has not stood on the table since the first."""
+    all: Predicate
+    kept: Predicate
+    """Every thing lies in the vessel, and none has left it since `all` held."""
+
+
+def pouring(
+    things: Sequence[str], vessel: str, room: tuple[float, float, float], *, held: Predicate
+) -> Pouring:
+    """The predicates for things and a vessel.
+
+    Things lie in a vessel if they are in its lower half, no faster than it, and it is upright
+    enough: not in the air above it or between its walls, nor in one on its side.
+
+    Args:
+        things: What is poured.
+        vessel: What it is poured into; its z axis points up through its mouth.
+        room: Radius, floor and rim of the vessel's hollow in its own frame, in metres.
+        held: How the vessel must be held when things are poured.
+    """
+    radius, floor, rim = room
+    hollow = CylinderRegion(body=vessel, radius=radius, low=floor, high=rim)
+    lower = replace(hollow, high=(floor + rim) / 2)
+    within = [inside(thing, hollow) for thing in things]
+    lying = [inside(thing, lower) & _slow(thing, vessel) for thing in things]
+
+    def count(state: StateView) -> str:
+        lie = sum(thing.ask(state) for thing in lying)
+        return f"{lie} of {len(lying)} lie in {vessel}"
+
+    some, all_within = any_of(*within), all_of(*within).called(f"all are in {vessel}", count)
+    some_lie = any_of(*lying).called(f"something lies in {vessel}", count)
+    all_lie = all_of(*lying).called(f"all lie in {vessel}", count)
+    # What was in it on the table does not count, until it is empty again.
+    stood = since(touching(vessel, TABLE) & some, reset=~some).called(
+        f"{vessel} has stood on the table with something in it"
+    )
+    pours = all_of(held, ~stood, upright(vessel, math.radians(TILT_TO_POUR_DEGREES)))
+    all_poured = (pours & all_lie).called(f"all is poured into {vessel} in the air")
+    return Pouring(
+        some=pours & some_lie,
+        all=all_poured,
+        kept=since(all_poured, reset=~all_within) & all_lie,
+    )
+
+
+def _slow(thing: str, vessel: str) -> Predicate:
+    return leaf(
+        f"{thing} is slow in {vessel}",
+        lambda state: state.simulation.relative_speed(thing, vessel) < LYING_SPEED,
+        otherwise=lambda _state: f"{thing} still moves in {vessel}",
+    )

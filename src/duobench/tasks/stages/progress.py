@@ -1,0 +1,314 @@
+"""From constraints to progress: the rule of the paper, with one owner of the memory.
+
+stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. A
+constraint may remember in two ways only: `since(p, reset=q)`, whether p held at an earlier control
+step and q has not held since, and `held_for(p, seconds)`, whether p has held for some time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from duobench.core.errors import TaskError, UnknownNameError
+from duobench.core.types import CONTROL_HZ
+from duobench.tasks.stages.logic import Clock, HeldFor, Memory, Predicate, Since, StateView, Words
+from duobench.tasks.stages.nearness import Nearness
+from duobench.tasks.stages.predicates import VariantIs
+
+if TYPE_CHECKING:
+    from duobench.world.sim.simulation import Simulation
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Stage:
+    """One milestone of a task."""
+
+    name: str
+    """What is reached, in a few words: "both cubes held"."""
+    instruction: str
+    """What to do to reach it, in the imperative."""
+    holds: Predicate
+    stays: Predicate | None = None
+    """What later stages take for granted of it. Where it is lost, this stage's instruction is what
+    is to be done now, though the stage was reached. None if nothing can be lost."""
+
+    def __post_init__(self) -> None:
+        given: list[object] = [self.holds, *([] if self.stays is None else [self.stays])]
+        for value in given:
+            if not isinstance(value, Predicate):
+                raise TaskError(
+                    f"Stage {self.name!r} takes predicates, got a {type(value).__name__}; a "
+                    'function of a state becomes one as Predicate("what holds", function).'
+                )
+
+
+LOST_SECONDS = 0.5
+"""How long what stays of a stage is gone before it counts as lost, in seconds: hands that change
+and contacts that flicker take less."""
+LOST_STEPS = round(LOST_SECONDS * CONTROL_HZ)
+"""The same in control steps."""
+
+
+def sinces_in(predicates: Iterable[Predicate]) -> list[Since]:
+    """All that these predicates remember with `since`, inner ones first."""
+    return [part for p in predicates for part in p.walk() if isinstance(part, Since)]
+
+
+def memories_in(predicates: Iterable[Predicate]) -> tuple[Memory, ...]:
+    """The memories of these predicates, each once, inner ones first."""
+    return tuple(dict.fromkeys(part.memory for part in sinces_in(predicates)))
+
+
+def clocks_in(predicates: Iterable[Predicate]) -> tuple[Clock, ...]:
+    """The clocks of these predicates, each once, inner ones first."""
+    inner = (part for predicate in predicates for part in predicate.walk())
+    return tuple(dict.fromkeys(part.clock for part in inner if isinstance(part, HeldFor)))
+
+
+def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
+    """What is remembered after a step. All of it sees the same step, so the order is free."""
+    before = state.remembered
+    new: list[Memory] = []
+    gone: list[Memory] = []
+    for memory in memories:
+        event, reset, only = memory.event, memory.reset, memory.only
+        if only is not None and not only.ask(state):
+            continue
+        if memory in before:
+            if reset is not None and reset.ask(state):
+                gone.append(memory)
+        elif event.ask(state) and not (reset is not None and reset.ask(state)):
+            new.append(memory)
+    return before.union(new).difference(gone) if new or gone else before
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ProgressState:
+    """The stage of an episode, and all that its constraints remember."""
+
+    stage: int
+    final_holds: bool = False
+    """Whether the last stage's constraints hold."""
+    remembered: tuple[bool, ...] = ()
+    """For each `since`, in the order of the stages, whether it holds."""
+    lasted: tuple[int, ...] = ()
+    """For each `held_for`, in the same order, how many control steps have counted."""
+    start_heights: tuple[tuple[str, float], ...] = ()
+    """Height of each prop's lowest point when the episode began, in metres."""
+    lost: tuple[int, ...] = ()
+    """For each stage, for how many control steps in a row nothing of it has stayed."""
+
+
+def check_names(
+    stages: Sequence[Stage],
+    simulation: Simulation,
+    variants: Mapping[str, str],
+    options: Mapping[str, Collection[str]],
+) -> None:
+    """Ask every predicate once, so that a misspelt name is an error before the first episode.
+
+    Args:
+        stages: The stages.
+        simulation: As compiled, before anything touches anything.
+        variants: The named choices of any layout.
+        options: The values that each variant may have; those that follow from others are not here.
+
+    Raises:
+        UnknownNameError: A predicate names what is not there; near misses are listed.
+        TaskError: A predicate asks another one that remembers, and is not among its parts.
+    """
+    heights = {name: simulation.min_height(name) for name in simulation.props}
+    state = StateView(
+        simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
+    )
+    parts: dict[Predicate, Stage] = {}
+    for stage in stages:
+        inner = (part for predicate in constraints_of([stage]) for part in predicate.walk())
+        parts |= {part: stage for part in inner if part not in parts}
+    for part, stage in parts.items():
+        try:
+            part.test(state)
+            if isinstance(part, VariantIs):
+                _check_variant(part, variants, options)
+        except UnknownNameError as error:
+            raise UnknownNameError(f"Stage {stage.name!r}: {error}") from error
+        unnamed = state.answers.keys() - parts.keys()
+        if lost := [p for p in unnamed if memories_in([p]) or clocks_in([p])]:
+            raise TaskError(
+                f"{part.name!r} asks {', '.join(sorted(repr(p.name) for p in lost))}, and does "
+                "not name it in its parts, the third argument of Predicate: its memory is not kept."
+            )
+
+
+def _check_variant(
+    part: VariantIs, variants: Mapping[str, str], options: Mapping[str, Collection[str]]
+) -> None:
+    if part.choice not in variants:
+        raise UnknownNameError("variant", part.choice, variants)
+    values = options.get(part.choice)
+    if values is not None and part.value not in values:
+        raise UnknownNameError(f"value of variant {part.choice!r}", part.value, values)
+
+
+def constraints_of(stages: Iterable[Stage]) -> list[Predicate]:
+    """What must hold at some stage, and what must stay."""
+    both = (predicate for stage in stages for predicate in (stage.holds, stage.stays))
+    return [predicate for predicate in both if predicate is not None]
+
+
+class Progress:
+    """The stage of one running episode. Evaluated once a control step, after physics."""
+
+    def __init__(self, stages: tuple[Stage, ...]) -> None:
+        """Collect what must be remembered.
+
+        Args:
+            stages: Stages 1 to n in order.
+        """
+        self._stages = stages
+        constraints = constraints_of(stages)
+        self._memories = memories_in(constraints)
+        self._remembered: frozenset[Memory] = frozenset()
+        self._clocks = clocks_in(constraints)
+        self._lasted: dict[Clock, int] = {}
+        self._start_heights: dict[str, float] = {}
+        self._variants: Mapping[str, str] = {}
+        self.stage = 0
+        """The highest stage so far."""
+        self.final_holds = False
+        """Whether the last stage's constraints hold right now."""
+        self._lost = [0] * len(stages)
+        self._explained: list[Since] | None = None
+        self._past: dict[Memory, str] = {}
+        self._judged: StateView | None = None
+
+    def explain(self, on: bool = True) -> None:
+        """Be able to say in `unmet` why the next stage is not reached.
+
+        What was missing when something was let go is told of steps from here on.
+        """
+        constraints = [stage.holds for stage in self._stages]
+        self._explained = sinces_in(constraints) if on else None
+        self._past, self._judged = {}, None
+
+    @property
+    def unmet(self) -> Words:
+        """Why the next stage is not reached, in words, where `explain` asks for it.
+
+        It looks at the simulation, which must still be as it was judged.
+        """
+        if self._judged is None or self.success:
+            return ()
+        return self._stages[self.stage].holds.unmet(self._judged)
+
+    @property
+    def max_stage(self) -> int:
+        """Number of the last stage."""
+        return len(self._stages)
+
+    @property
+    def success(self) -> bool:
+        """Whether the last stage was reached."""
+        return self.stage == self.max_stage
+
+    @property
+    def standing(self) -> int:
+        """The stage from which to go on: the last one before the lowest that was lost since."""
+        return next((n for n, lost in enumerate(self._lost) if lost >= LOST_STEPS), self.stage)
+
+    def nearness(self, simulation: Simulation) -> float:
+        """How near the next stage is, from 0 to below 1, as `stages.nearness` measures it.
+
+        It follows from the state of the simulation and from what is remembered; 0 after the last.
+        """
+        if self.success:
+            return 0.0
+        state = self._view(simulation)
+        measure = Nearness(state, lambda predicate: predicate.ask(state), self._lasted.__getitem__)
+        return float(measure.of(self._stages[self.stage].holds))
+
+    def reset(self, simulation: Simulation, variants: Mapping[str, str]) -> None:
+        """Begin an episode at the simulation's current state.
+
+        Args:
+            simulation: Settled in the episode's layout.
+            variants: The layout's named choices.
+        """
+        self._variants = dict(variants)
+        self._remembered = frozenset()
+        self._lasted = dict.fromkeys(self._clocks, 0)
+        self._start_heights = {name: simulation.min_height(name) for name in simulation.props}
+        self.stage = 0
+        self.final_holds = False
+        self._lost = [0] * self.max_stage
+        self._past, self._judged = {}, None
+
+    def get_state(self) -> ProgressState:
+        """All that the next judgement depends on, beside the simulation and the layout."""
+        return ProgressState(
+            stage=self.stage,
+            final_holds=self.final_holds,
+            remembered=tuple(memory in self._remembered for memory in self._memories),
+            lasted=tuple(self._lasted[clock] for clock in self._clocks),
+            start_heights=tuple(self._start_heights.items()),
+            lost=tuple(self._lost),
+        )
+
+    def set_state(self, state: ProgressState, variants: Mapping[str, str]) -> None:
+        """Continue from a state of the same stages.
+
+        Args:
+            state: What `get_state` gave.
+            variants: The layout's named choices.
+
+        Raises:
+            ValueError: The state is that of other stages.
+        """
+        memories = zip(self._memories, state.remembered, strict=True)
+        self._remembered = frozenset(memory for memory, holds in memories if holds)
+        self._lasted = dict(zip(self._clocks, state.lasted, strict=True))
+        self._start_heights = dict(state.start_heights)
+        self._lost = list(state.lost)
+        self._variants = dict(variants)
+        self.stage, self.final_holds = state.stage, state.final_holds
+        self._past, self._judged = {}, None
+
+    def update(self, simulation: Simulation) -> int:
+        """Judge the current state of the simulation and return the stage."""
+        state = self._view(simulation)
+        for clock in self._clocks:
+            self._lasted[clock] = clock.after(state, self._lasted[clock])
+        self.final_holds = self._stages[-1].holds(state)
+        # Stages never fall, so only higher ones are asked, and the highest that holds counts.
+        for number in range(self.max_stage, self.stage, -1):
+            if self._stages[number - 1].holds(state):
+                self.stage = number
+                break
+        for number, stage in enumerate(self._stages[: self.stage]):
+            stays = stage.stays is None or stage.stays.ask(state)
+            self._lost[number] = 0 if stays else self._lost[number] + 1
+        self._remembered = recalled(self._memories, state)
+        if self._explained is not None:
+            self._explain(self._explained, state)
+        return self.stage
+
+    def _view(self, simulation: Simulation) -> StateView:
+        return StateView(
+            simulation=simulation,
+            start_heights=self._start_heights,
+            variants=self._variants,
+            remembered=self._remembered,
+            lasted=self._lasted,
+            past=self._past,
+        )
+
+    def _explain(self, sinces: Iterable[Since], state: StateView) -> None:
+        for part in sinces:
+            why = part.look_back(state, self._remembered)
+            if why is None:
+                self._past.pop(part.memory, None)
+            else:
+                self._past[part.memory] = why
+        self._judged = state

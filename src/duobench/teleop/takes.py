@@ -1,0 +1,77 @@
+"""The takes of a session in its data set: counted, set aside where discarded, and restored."""
+
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from shutil import rmtree
+
+from duobench.core.errors import DataError
+from duobench.core.files import locked, make_folder, writing
+from duobench.data import DataSet, Recorder
+from duobench.data.attempts import Attempt, note, of_task
+from duobench.data.schema import VIDEO_SUFFIX
+from duobench.data.stream import check_free
+
+SET_ASIDE = "The operator discarded it while it ran."
+"""Why an episode ended that is cut there, should it be restored."""
+NOTHING_DISCARDED = "There is nothing to restore."
+
+
+class Takes:
+    """Those of one task, which belong to one session at a time.
+
+    What a killed session had discarded is there for the next one.
+
+    Raises:
+        LockedError: Another session records the task into the data set.
+    """
+
+    def __init__(self, env: Recorder, data: DataSet) -> None:
+        self._env, self._data, self._task, self._lock = env, data, env.task, ExitStack()
+        self._folder = data.discarded.episode(env.task, "0").parent
+        self._lock.enter_context(locked(self._folder))
+        tried = (each.episode + 1 for each in of_task(data, env.task))
+        self.next_number = max(data.next_number(env.task), *tried, 0)
+        """The first layout that nobody has tried."""
+        self.discarded = data.discarded.episodes(env.task)
+        """Files that can be restored, the last one last."""
+
+    def note(self, attempt: Attempt) -> None:
+        """Note how one goes."""
+        note(self._data, attempt)
+
+    def set_aside(self) -> None:
+        """Discard the episode that runs, or waits to be decided."""
+        self._env.set_aside(SET_ASIDE)
+        self.discarded = self._data.discarded.episodes(self._task)
+
+    def restore(self) -> str:
+        """Keep after all, unchanged, what was discarded last; its name.
+
+        Raises:
+            DataError: There is nothing, or another episode has its name.
+            OutputError: It cannot be moved.
+        """
+        if not self.discarded:
+            raise DataError(NOTHING_DISCARDED)
+        path = self.discarded[-1]
+        place = self._data.episode(self._task, path.stem)
+        check_free(place)
+        make_folder(place.parent)
+        videos = path.parent.glob(f"{path.stem}.*{VIDEO_SUFFIX}")
+        for file in (*videos, path):  # an episode has all of its videos
+            with writing(place):
+                file.rename(place.with_name(file.name))
+        self.discarded.pop()
+        for each in of_task(self._data, self._task):
+            if each.episode == int(path.stem):
+                note(self._data, replace(each, kept=True, error=None))
+        return path.stem
+
+    def close(self, *, forget: bool) -> None:
+        """Let other sessions have the task; and remove what was discarded, if it is forgotten."""
+        if forget:
+            rmtree(self._folder, ignore_errors=True)
+            with suppress(OSError):  # other tasks have theirs there
+                self._folder.parent.rmdir()
+                self._folder.parent.parent.rmdir()
+        self._lock.close()

@@ -1,0 +1,173 @@
+"""Teleoperation on a page: whoever drives leads the arms, and all others watch.
+
+Thirty control steps a second, or one for each message.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, cast
+
+import mujoco
+import numpy as np
+
+from duobench.core.types import CONTROL_HZ, SIDES
+from duobench.envs.sim_env import SimEnv
+from duobench.teleop.messages import Message
+from duobench.teleop.teleoperation import Teleoperation, TeleopState
+from duobench.web.geometry import Geometry
+from duobench.web.messages import pack_frame
+from duobench.web.server import PageServer
+
+_QUIET = ("step", "lost")
+"""What of a status changes all the time, and is sent once in a while or with something else."""
+_TURNS = 6
+"""Turns of the loop after which it is sent at the latest: a drag is measured where the tool is."""
+WATCHING = "You watch: take over to lead the arms."
+PERIOD_S = 1.0 / CONTROL_HZ
+"""Seconds from one control step to the next."""
+KEPT_TIMES = 18_000
+"""Periods and latencies that are remembered: ten minutes."""
+SHOWN_TIMES = 30
+"""How many of the last latencies the operator is shown the middle of."""
+QUANTILES = (50, 95, 99)
+
+
+class Timings:
+    """How long a session's steps really took, in milliseconds."""
+
+    def __init__(self) -> None:
+        self.periods: deque[float] = deque(maxlen=KEPT_TIMES)
+        """From one step of the loop to the next."""
+        self.latencies: deque[float] = deque(maxlen=KEPT_TIMES)
+        """From the arrival of a sample to the end of the control step that executed it."""
+
+    @property
+    def latency_ms(self) -> float | None:
+        """The middle one of the last latencies; None before the first."""
+        latest = list(self.latencies)[-SHOWN_TIMES:]
+        return round(float(np.median(latest)), 1) if latest else None
+
+    def summary(self) -> dict[str, dict[str, float]]:
+        """Quantiles (`p50`, `p95`, `p99`) and the largest (`max`) of `period_ms`, `latency_ms`."""
+        return {
+            name: {
+                **{f"p{q}": float(np.percentile(times, q)) for q in QUANTILES},
+                "max": max(times),
+            }
+            for name, times in (("period_ms", self.periods), ("latency_ms", self.latencies))
+            if times
+        }
+
+
+def run(
+    session: Teleoperation,
+    on_step: Callable[[], None] = lambda: None,
+    *,
+    is_stopped: Callable[[], bool] = lambda: False,
+    timings: Timings | None = None,
+) -> Timings:
+    """Run a session until it is over: in lockstep if it is, otherwise in real time.
+
+    In real time a loop that is late goes on at once and forgets the delay: simulated time slows
+    down, and no control step is left out.
+
+    Args:
+        session: The session.
+        on_step: Called after each turn of the loop, to show what is; its time counts.
+        is_stopped: Whether to stop before the session is over.
+        timings: Where to note times; new ones if not given.
+    """
+    timings = Timings() if timings is None else timings
+    due = last = time.monotonic()
+    newest = session.device.sampled_s
+    while session.state is not TeleopState.OVER and not is_stopped():
+        if session.lockstep:
+            session.wait(PERIOD_S)
+        has_stepped = session.advance(time.monotonic())
+        now, sampled = time.monotonic(), session.device.sampled_s
+        if has_stepped and sampled is not None and sampled != newest:
+            timings.latencies.append(1000.0 * (now - sampled))
+        newest = sampled
+        on_step()
+        if not session.lockstep:
+            due = max(due + PERIOD_S, time.monotonic())
+            time.sleep(max(0.0, due - time.monotonic()))
+        now, before = time.monotonic(), last
+        last = now
+        if has_stepped:
+            timings.periods.append(1000.0 * (now - before))
+    return timings
+
+
+class TeleopPage:
+    """Shows a session of a simulated environment on a page, and gives it what the driver sends.
+
+    Args:
+        session: The session.
+        server: The page, which takes its messages here from now on.
+    """
+
+    def __init__(self, session: Teleoperation, server: PageServer) -> None:
+        self._session, self._server = session, server
+        self._env = cast("SimEnv", session.env.base)
+        self._timings = Timings()
+        self._over = threading.Event()
+        self._episode: Any = None
+        self._told: dict[str, Any] = {}
+        self._turn = 0
+        server.listen(Message, self._take, self._leave, WATCHING)
+        self.show()
+
+    def run(self) -> Timings:
+        """Run the session until it is over or `stop` is called; how long its steps took."""
+        return run(self._session, self.show, is_stopped=self._over.is_set, timings=self._timings)
+
+    def stop(self) -> None:
+        """Let `run` return; for other threads and signal handlers."""
+        self._over.set()
+
+    def _take(self, message: Message) -> None:
+        self._session.receive(message, time.monotonic())
+
+    def _leave(self, gives_way: bool) -> None:  # noqa: ARG002 - a rig tells it
+        self._session.leave(time.monotonic())
+
+    def show(self) -> None:
+        """Show where everything is, after a turn of the loop."""
+        status = self._session.status()
+        if self._episode != status["count"]:
+            self._episode = status["count"]  # the scene depends on what its layout chose
+            self._geometry = self._new_geometry()
+            self._server.publish_scene(self._geometry.name, self._geometry.data)
+        if self._server.has_viewers:
+            poses = self._geometry.poses(self._data())
+            shows_ms = self._session.device.executed_ms
+            frame = pack_frame(poses, status["step"], time.monotonic(), shows_ms)
+            self._server.publish_frame(frame)
+            self._tell(status)
+        for pulse in self._session.haptics.take():
+            self._server.pulse(*pulse)
+
+    def _new_geometry(self) -> Geometry:
+        return Geometry(self._env.simulation.model, self._env.look)
+
+    def _data(self) -> mujoco.MjData:
+        return self._env.simulation.data
+
+    def _tell(self, status: dict[str, Any]) -> None:
+        self._turn += 1
+        quiet = {name: value for name, value in status.items() if name not in _QUIET}
+        if quiet == self._told and self._turn % _TURNS:
+            return
+        self._told = quiet
+        poses = self._env.backend.read().tcp_poses
+        self._server.publish_status(
+            {
+                **status,
+                "steps": None,  # nobody can go back in what is just happening
+                "latency_ms": self._timings.latency_ms,
+                "tools": {str(side): poses[side.index][:3].tolist() for side in SIDES},
+            }
+        )

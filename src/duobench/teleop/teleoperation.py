@@ -1,0 +1,444 @@
+"""A session of teleoperation: one episode after the other, led by an operator.
+
+The environment judges, and says when the task is solved.
+"""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Self, cast
+
+from duobench.core.errors import BackendError, DuoBenchError, OptionError
+from duobench.core.randomness import TRAIN, episode_seed
+from duobench.core.types import CONTROL_HZ, SIDES, DuoState, Side
+from duobench.data import Actor, DataSet, Recorder
+from duobench.data.attempts import SKIPPED, Attempt
+from duobench.data.recorder import UNDECIDED
+from duobench.data.schema import AFTER_SUCCESS_S
+from duobench.envs.action_modes import CARTESIAN
+from duobench.envs.config import INSTRUCTION, SPLIT
+from duobench.envs.duo_env import Info
+from duobench.envs.protocol import make_env
+from duobench.envs.sim_env import SimEnv
+from duobench.tasks.task import Task
+from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
+from duobench.teleop.intent import Device, Intent
+from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message, Restore
+from duobench.teleop.takes import Takes
+from duobench.world.looks.catalog import DEFAULT
+from duobench.world.looks.look import Look
+
+TIME_LIMIT_S = 180.0
+"""Simulated seconds that an episode may take: with a mouse, a person needs several times as long
+as an expert, and as the horizon of an evaluation."""
+TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
+"""Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
+from where its hand wants it, and when a hand lets go, or is lost."""
+UNSOLVED = "The task is not solved yet; discard ends the episode."
+LATER = "The new instruction is that of the next episode."
+DISCARDED = "Discarded."
+"""Why an attempt is not kept."""
+AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
+
+
+class TeleopState(StrEnum):
+    """Where an episode is."""
+
+    WAITING = "waiting"
+    """Everything is in its place; nothing moves and nothing is recorded before the operator
+    begins."""
+    RECORDING = "recording"
+    """The operator leads, every step is recorded."""
+    SUCCESS = "success"
+    """The task is solved; the recording goes on for a moment."""
+    PAUSED = "paused"
+    """The operator is away: nothing moves and nothing is recorded until one is back."""
+    DECIDE = "decide"
+    """The episode is over, and the operator says whether to keep it."""
+    OVER = "over"
+    """There are as many episodes as were wanted."""
+
+
+_RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
+"""States in which control steps are made and recorded."""
+
+
+class Teleoperation:
+    """Records episodes of one task that an operator leads.
+
+    Messages may come from any thread, with `receive`. Everything else belongs to one thread, which
+    calls `advance` thirty times a second, or once for each message; see `teleop_page.run`.
+
+    Args:
+        env: What records, with review and clutch; see `make_recorder`.
+        device: What the operator leads with.
+        episodes: How many are wanted, those of earlier sessions in the same data set counted.
+        instruction: What the operator says that the arms will do; empty for the task's own.
+        lockstep: Whether each message of hands is one control step, and nothing moves between.
+
+    Raises:
+        OptionError: The number is less than one, or the environment takes other actions.
+    """
+
+    keeps = (TeleopState.SUCCESS, TeleopState.DECIDE)
+    """States in which the operator may say that an episode is to be kept."""
+
+    def __init__(
+        self,
+        env: Recorder,
+        device: Device,
+        *,
+        episodes: int = 10,
+        instruction: str = "",
+        lockstep: bool = False,
+    ) -> None:
+        if episodes < 1:
+            raise OptionError(f"A session records at least one episode, got {episodes}.")
+        mode = env.get_wrapper_attr("action_mode")
+        if mode != device.action_mode:
+            raise OptionError(
+                f"The device gives actions of the mode {device.action_mode!r}, and the environment "
+                f"takes those of {mode!r}; make the environment with that action mode."
+            )
+        self.env, self.device, self.lockstep = env, device, lockstep
+        self.note = ""
+        """A sentence for the operator."""
+        self.haptics = Haptics(env)
+        self._wanted, self._instruction = episodes, instruction
+        self._inbox, self._presses = Inbox(), ButtonPresses()
+        data = env.data
+        self.kept = 0 if data is None else data.kept(env.task)
+        """Episodes that were kept, those of earlier sessions counted."""
+        self._takes = None if data is None else Takes(env, data)
+        self._number = 0 if self._takes is None else self._takes.next_number
+        self._reset()
+
+    # --- from any thread ---------------------------------------------------------------------
+
+    def receive(self, message: Message, now_s: float) -> None:
+        """Take a message of the operator, which arrived at a time on the clock of `advance`."""
+        self._inbox.put(message, now_s)
+
+    def leave(self, now_s: float) -> None:
+        """The operator has gone, or the connection is lost: both hands let go, and time stops."""
+        self._inbox.put(None, now_s)
+
+    # --- from the session's own thread ---------------------------------------------------------
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for a message, or for so many seconds."""
+        self._inbox.wait(timeout_s)
+
+    def advance(self, now_s: float) -> bool:
+        """Do what the messages say, and a control step if an episode runs.
+
+        In lockstep that is one step for one message of hands, and none without.
+
+        Args:
+            now_s: The time in seconds, on any clock that never goes back.
+
+        Returns:
+            Whether a control step was made.
+
+        Raises:
+            OutputError: An episode cannot be written.
+        """
+        has_hands = self._handle()
+        self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
+        if self._is_paused or (self.lockstep and not has_hands):
+            return False
+        if self._state is TeleopState.WAITING:
+            prompt = self.device.prompt(now_s)
+            if prompt is not None:
+                self.note = prompt
+                return False
+            self._state, self.note = TeleopState.RECORDING, ""
+            self._note_attempt(UNDECIDED)  # a kill leaves this
+        if self._state not in _RUNNING:
+            return False
+        self._step(now_s)
+        return True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(forget=kind is None)
+
+    def close(self, *, forget: bool = True) -> None:
+        """End the session.
+
+        An episode that has begun is written as one that is not meant to be used, unless it is to
+        be kept already; one that waits for the operator is forgotten.
+
+        Args:
+            forget: Whether what was discarded is removed; after an error, where nobody ended the
+                session, the next one can restore it.
+        """
+        if self._state is TeleopState.WAITING:
+            self.env.discard()
+        elif self._is_solved:
+            self._accept()
+        elif self._state is not TeleopState.OVER:
+            self._note_attempt(UNDECIDED)
+        self.env.close()
+        if self._takes is not None:
+            self._takes.close(forget=forget)
+
+    @property
+    def state(self) -> TeleopState:
+        """Where the episode is."""
+        return TeleopState.PAUSED if self._is_paused else self._state
+
+    def status(self) -> dict[str, Any]:
+        """What the page shows, as the fields of its message `status`."""
+        task, info = self.env.base.definition, self._info
+        return {
+            "title": task.title,
+            "task": task.id,
+            "instruction": info["instruction"],
+            "next": info["current_subinstruction"],
+            "stage": info["stage"],
+            "max_stage": info["max_stage"],
+            "stages": [stage.name for stage in task.stages],
+            "step": self._steps,
+            "steps": self.env.get_wrapper_attr("_max_episode_steps"),
+            "state": str(self.state),
+            "may_keep": self.state in self.keeps,
+            "success": bool(info["success"]),
+            "count": self._number,
+            "kept": self.kept,
+            "discarded": 0 if self._takes is None else len(self._takes.discarded),
+            "wanted": self._wanted,
+            "lost": self.device.dropped,
+            "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
+            "stage_changes": [list(change) for change in self._stage_changes],
+            "note": AWAY if self._is_paused else self.note,
+        }
+
+    def _handle(self) -> bool:
+        """Do what the messages say; in lockstep, those up to the first one of hands."""
+        for message, arrival_s in self._inbox:
+            if message is None:
+                self.device.lose()
+                continue
+            self.device.take(message, arrival_s)
+            match message:
+                case Hands():
+                    self._press(message)
+                    if self.lockstep:
+                        return True
+                case Keep():
+                    self._keep()
+                case Discard():
+                    self._discard()
+                case Restore():
+                    self._restore()
+                case Instruction(text=text):
+                    self._instruct(text.strip())
+        return False
+
+    def _press(self, hands: Hands) -> None:
+        asked = {KEEP: self._keep, DISCARD: self._discard}
+        for name in self._presses.new(hands):
+            asked.get(name, self._restore)()
+
+    def _step(self, now_s: float) -> None:
+        backend = self.env.base.backend
+        intent = self.device.intend(now_s, self._seen, backend.last_command)
+        self.env.clutch = intent.clutch
+        try:
+            _, _, terminated, truncated, info = self.env.step(intent.action)
+        except BackendError as error:
+            self._end(str(error))
+            return
+        self._steps += 1
+        if info["stage"] != self._info["stage"]:
+            self._stage_changes.append([self._steps, int(info["stage"])])
+        self._info, self._seen = info, backend.read()
+        self.env.device = self.device.led_by or None
+        self.haptics.update(intent)
+        if terminated or truncated:
+            self._end(self._why_over(info))
+        elif info["success"] and self._state is TeleopState.RECORDING:
+            self._state, self.note = TeleopState.SUCCESS, "Solved: open the hands and retreat."
+
+    def _why_over(self, info: Info) -> str:
+        return "Solved." if info["success"] else "Time is up."
+
+    def _end(self, note: str) -> None:
+        self._state, self.note = TeleopState.DECIDE, f"{note} Keep the episode or discard it."
+        if self._is_kept:
+            self._keep()
+
+    def _keep(self) -> None:
+        if self._state is TeleopState.SUCCESS:
+            self._is_kept, self.note = True, "Solved; it will be kept."
+        elif self._state is TeleopState.RECORDING:
+            self.note = UNSOLVED
+        elif self._state is TeleopState.DECIDE:
+            self._accept()
+            self._next()
+
+    @property
+    def _is_solved(self) -> bool:
+        """Whether the episode is to be kept, and only goes on for a moment."""
+        return self._is_kept and self._state in _RUNNING and bool(self._info["success"])
+
+    def _accept(self) -> None:
+        """Keep the episode, which ends here if it has not."""
+        self.env.finish()
+        self.env.keep()
+        self.kept += 1
+        self._note_attempt(None)
+
+    def _discard(self) -> None:
+        if self._state is TeleopState.OVER:
+            return
+        has_begun = self._state is not TeleopState.WAITING
+        if has_begun and self._takes is not None:
+            self._takes.set_aside()
+        else:
+            self.env.discard()
+        self._note_attempt(DISCARDED if has_begun else SKIPPED)
+        self._next()
+
+    def _restore(self) -> None:
+        """Keep after all what was discarded last; what is going on goes on."""
+        if self._takes is None:
+            return
+        try:
+            name = self._takes.restore()
+        except DuoBenchError as error:
+            self.note = str(error)
+            return
+        self.kept += 1
+        self.note = f"Episode {name} is restored, and kept."
+        if self._state is TeleopState.WAITING and self.kept >= self._wanted:
+            self.env.discard()
+            self._end_session()
+
+    def _note_attempt(self, reason: str | None) -> None:
+        """Note how the episode goes: why it is not kept, or None where it is."""
+        if self._takes is None:
+            return
+        success = bool(self._info["success"])
+        attempt = Attempt(
+            task=self.env.task,
+            episode=self._number,
+            success=success,
+            stage=int(self._info["stage"]),
+            steps=self._stage_changes[-1][0] if success else self._steps,
+            kept=reason is None,
+            error=reason,
+        )
+        self._takes.note(attempt)
+
+    def _instruct(self, text: str) -> None:
+        self._instruction = text
+        if self._state is TeleopState.WAITING:
+            self.env.discard()
+            self._reset()
+        else:
+            self.note = LATER
+
+    def _next(self) -> None:
+        self._number += 1
+        if self.kept >= self._wanted:
+            self._end_session()
+        else:
+            self._reset()
+
+    def _end_session(self) -> None:
+        self._state, self.note = TeleopState.OVER, "All episodes are recorded."
+
+    def _reset(self) -> None:
+        env, task = self.env, self.env.task
+        seed = episode_seed(task, self._number, TRAIN)
+        self._state, self._is_kept = TeleopState.WAITING, False  # also if arms do not get home
+        env.next_name = f"{self._number:05d}"
+        self._info: Info = env.reset(seed=seed, options=self._reset_options(seed))[1]
+        self._seen: DuoState = env.base.backend.read()
+        self._steps = 0
+        self._stage_changes: list[list[int]] = []
+        self._is_paused, self.note = False, ""
+        self.device.begin(env.base.backend.last_command)
+        self.haptics.begin()
+
+    def _reset_options(self, seed: int) -> dict[str, Any]:  # noqa: ARG002 - real arms need it
+        return {SPLIT: TRAIN, INSTRUCTION: self._instruction or None}
+
+
+class Haptics:
+    """What an operator's hands are to feel: a pulse for each time that something begins."""
+
+    def __init__(self, env: Recorder) -> None:
+        # Real arms are asked for no contacts: they have none to tell.
+        self._sim = cast(SimEnv, env.base).simulation if hasattr(env.base, "simulation") else None
+        self._pulses: list[tuple[Side, float, int]] = []
+        self._before: dict[Side, dict[tuple[float, int], bool]] = {}
+
+    def begin(self) -> None:
+        """A new episode: nothing is felt yet."""
+        self._before.clear()
+
+    def update(self, intent: Intent) -> None:
+        """A control step is over."""
+        for side in SIDES:
+            now = {
+                TOUCH: self._touches(side),
+                LIMIT: intent.limited[side.index],
+                LOSS: not intent.clutch[side.index],
+            }
+            before = self._before.get(side, now)
+            begun = [pulse for pulse in now if now[pulse] and not before[pulse]]
+            self._pulses += [(side, *pulse) for pulse in begun]
+            self._before[side] = now
+
+    def take(self) -> list[tuple[Side, float, int]]:
+        """The pulses since the last call: side, strength from 0 to 1, and length in ms."""
+        pulses, self._pulses = self._pulses, []
+        return pulses
+
+    def _touches(self, side: Side) -> bool:
+        if self._sim is None:
+            return False
+        contacts = self._sim.contacts
+        others = (owner for owner in contacts.owners if not owner.startswith(f"{side}/"))
+        return any(contacts.gripper(side, owner) for owner in others)
+
+
+def make_recorder(
+    task: str | Task,
+    data: DataSet | str | Path | None,
+    actor: Actor,
+    *,
+    action_mode: str = CARTESIAN.name,
+    time_limit_s: float = TIME_LIMIT_S,
+    look: str | Look = DEFAULT,
+) -> Recorder:
+    """An environment on layouts of the split `train`, recorded with clutches and reviewed.
+
+    Nothing is rendered: images follow from the recorded states.
+
+    Args:
+        task: A task, its id, or its import path "module:ATTRIBUTE".
+        data: Data set that episodes are added to, or its folder; None keeps each in memory.
+        actor: Who leads, and with which device.
+        action_mode: That of the device.
+        time_limit_s: Simulated seconds after which an episode is truncated.
+        look: How images of the episodes look, unless they are rendered with another one.
+
+    Raises:
+        UnknownNameError: There is no such task, action mode or look.
+        OptionError: A number of seconds is none.
+        OtherRunError: The folder holds something else.
+    """
+    horizon = round(time_limit_s * CONTROL_HZ)
+    if horizon < 1:
+        raise OptionError(f"An episode takes at least one control step, got {time_limit_s} s.")
+    env = make_env(
+        task, cameras=False, split=TRAIN, action_mode=action_mode, horizon=horizon, look=look
+    )
+    return Recorder(
+        env, data, actor, after_success=AFTER_SUCCESS_S, is_reviewed=True, has_clutch=True
+    )

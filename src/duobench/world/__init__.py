@@ -1,0 +1,1 @@
+"""The simulated world: robot, objects, scene, looks, physics and images; nothing of a task."""

@@ -1,0 +1,225 @@
+"""Inverse kinematics of both arms, differential, on a model of each arm alone.
+
+Each step is a small quadratic program: `mink` says what brings the tool nearer, posture and inertia
+pull at the joints, and DAQP solves it within each joint's bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from duobench.core.spatial import SE3, length
+from duobench.core.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
+from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
+from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.scene.naming import tcp_name
+
+POSITION_COST, ORIENTATION_COST = 1.0, 0.3
+"""Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""
+POSTURE_COST = 5e-3
+"""Pull of the redundant joint towards the home posture; weak enough not to show at the tool."""
+POSTURE_GAIN = 0.05
+"""Share of its error that the posture may remove in a step: all of it at once, at full speed, the
+redundant joint overshoots and swings."""
+LIMIT_MARGIN = 0.05
+"""Distance in radians that solutions keep from the ends of the joints' ranges."""
+LIMIT_GAIN = 0.24
+"""Share of its distance from there that a joint may come nearer in a step: so even the fastest one
+brakes by less than `MAX_CHANGE` a step."""
+GRID = 2.0**20
+"""Joint targets are whole multiples of 1 / GRID radians (one micrometre at the tool), so that the
+last bits of a solution, which differ between processors, are gone. float32 holds them exactly."""
+VELOCITY_SHARE = 0.9
+"""Part of the arm's velocity limits that a solution may use."""
+MAX_CHANGE = 0.038
+"""Largest change in radians of a joint's step against the one before, where that one is given: so
+no target jumps by more than 0.05 rad a step², nor reverses by more than 0.02 rad."""
+INERTIA_COST = 0.02
+"""Weight of a change of the step against the one before, where that one is given: near a singular
+posture, where a small way of the tool takes long ways of the joints, they take them evenly."""
+DAMPING = 1e-5
+"""Weight of the squared step itself, which shortens such ways; too weak to show at the tool."""
+LM_DAMPING = 0.1
+"""Damping for each unit of squared error: a target that is far away, or out of reach, is approached
+in many small steps. It fades as the tool comes near, and does not show in tracking."""
+REACH = 0.795
+"""Largest distance in metres from the middle of an arm's shoulder to that of its last wrist joint.
+Stretched, it is 0.807: upper arm 0.327, forearm 0.393, hand 0.088 [Menagerie franka_fr3]."""
+ELBOW, STRAIGHT = 3, -0.5
+"""Index of the elbow's joint (4) in an arm, and the largest angle in radians that it is bent to.
+Stretched, it is at -0.467. Beyond, the arm would bend the other way, and stick at the joint's end
+at -0.152 when it is to come back."""
+LEAST_PROGRESS = 1e-3
+"""Share of the squared error that a step removes at least; otherwise the arm rests."""
+SHORTENINGS = 5
+"""How often a step that does not remove as much is halved, before the arm rests."""
+OPTIMAL = 1
+"""How DAQP says that it found the solution."""
+
+_TCP_FROM_WRIST = LINK7_FROM_TCP.inverse()
+_NO_ROWS = np.zeros((0, ARM_JOINTS))
+"""No limits but bounds of the joints themselves."""
+
+
+def within_reach(side: Side, tool: SE3, reach: float = REACH) -> SE3:
+    """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
+    shoulder = SHOULDERS[side]
+    away = (tool @ _TCP_FROM_WRIST).translation - shoulder
+    distance = length(away)
+    excess = max(0.0, distance - reach)
+    return tool.moved(*(-excess * away / distance)) if excess else tool
+
+
+class ArmKinematics:
+    """Solves for the joints of one arm; holds no state between calls."""
+
+    def __init__(self, side: Side) -> None:
+        # mink brings MuJoCo and SciPy, which joint actions do without.
+        import mink
+
+        from duobench.world.scene.arms import kinematic_model
+
+        model = kinematic_model(side)
+        model.jnt_range += (LIMIT_MARGIN, -LIMIT_MARGIN)
+        model.jnt_range[ELBOW, 1] = STRAIGHT
+        self._low, self._high = model.jnt_range.T
+        self._side = side
+        self._configuration = mink.Configuration(model)
+        self._tool = mink.FrameTask(
+            tcp_name(side),
+            "site",
+            position_cost=POSITION_COST,
+            orientation_cost=ORIENTATION_COST,
+            lm_damping=LM_DAMPING,
+        )
+        self._speeds = np.array(VELOCITY_LIMITS) * VELOCITY_SHARE
+
+    def forward(self, joints: Array) -> SE3:
+        """Tool pose in the table frame at joint positions (7,)."""
+        self._configuration.update(joints)
+        pose = self._configuration.get_transform_frame_to_world(tcp_name(self._side), "site")
+        return SE3(pose.rotation().as_matrix(), pose.translation())
+
+    def step(
+        self, joints: Array, target: SE3, dt: float, posture: Array, before: Array | None
+    ) -> Array:
+        """Joint targets (7,) for the step towards a tool pose; see `Kinematics.step`."""
+        import mink
+
+        start = np.clip(joints, self._low, self._high)
+        goal = within_reach(self._side, target)
+        self._tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
+        enough = (1.0 - LEAST_PROGRESS) * self._error(start, posture)
+        last = None if before is None else joints - before
+        change = self._change(start, dt, posture, last)
+        if change is None:
+            return start
+        if last is not None:  # the arm moves on, and cannot stop at once
+            return start + change
+        for _ in range(SHORTENINGS + 1):
+            if self._error(start + change, posture) < enough:
+                return start + change
+            change = change / 2
+        return start
+
+    def _change(self, start: Array, dt: float, posture: Array, last: Array | None) -> Array | None:
+        """The best step from `start`, where the configuration is; None if DAQP finds none."""
+        import daqp
+
+        weighted, error, damping = self._tool.compute_qp_residual(self._configuration)
+        pull = POSTURE_COST**2
+        linear = pull * POSTURE_GAIN * (start - posture) - error @ weighted
+        if last is not None:
+            pull += INERTIA_COST**2
+            linear -= INERTIA_COST**2 * last
+        hessian = weighted.T @ weighted
+        hessian.flat[:: len(start) + 1] += pull + DAMPING + damping
+        low, high = self._bounds(start, dt, last)
+        solution, _, outcome, _ = daqp.solve(hessian, linear, _NO_ROWS, high, low)
+        return solution if outcome == OPTIMAL else None
+
+    def _bounds(self, start: Array, dt: float, last: Array | None) -> tuple[Array, Array]:
+        """How far each joint may move in a step: range, speed, and change of speed."""
+        most = self._speeds * dt
+        low = np.maximum(-most, LIMIT_GAIN * (self._low - start))
+        high = np.minimum(most, LIMIT_GAIN * (self._high - start))
+        if last is None:
+            return low, high
+        return np.clip(last - MAX_CHANGE, low, high), np.clip(last + MAX_CHANGE, low, high)
+
+    def _error(self, joints: Array, posture: Array) -> float:
+        """What a solution makes small: the squared errors of tool and posture, by their costs."""
+        self._configuration.update(joints)
+        tool = self._tool.cost * self._tool.compute_error(self._configuration)
+        pulled = POSTURE_COST * (joints - posture)
+        return float(tool @ tool) + float(pulled @ pulled)
+
+
+class Kinematics:
+    """Solves for joint targets that bring the tools towards poses; holds no state between calls."""
+
+    def __init__(self) -> None:
+        self._arms = {side: ArmKinematics(side) for side in SIDES}
+
+    def forward(self, joints: Array) -> dict[Side, SE3]:
+        """Tool poses in the table frame at joint positions (2, 7)."""
+        return {side: self._arms[side].forward(joints[side.index]) for side in SIDES}
+
+    def step(
+        self,
+        joints: Array,
+        targets: Mapping[Side, SE3],
+        *,
+        dt: float = 1.0 / CONTROL_HZ,
+        posture: Array = HOME_JOINTS,
+        before: Array | None = None,
+    ) -> Array:
+        """One step towards tool poses, within joint ranges and velocity limits.
+
+        Without `before`, each step brings an arm nearer to its target, so towards a still target it
+        comes to rest, in reach or not; where no step does, or the solver finds none, the arm stays.
+        With it, joints also keep to `MAX_CHANGE`: smooth for targets that move smoothly.
+
+        Args:
+            joints: Where the arms are (2, 7), in radians. From outside the ranges that solutions
+                keep to, an arm starts at the nearest position within.
+            targets: Tool pose wanted for each side; a side that is missing stays.
+            dt: Duration of the step in seconds.
+            posture: Joint positions (2, 7) that the redundant joint is attracted to.
+            before: Where the arms were one step earlier (2, 7), in radians.
+
+        Returns:
+            Joint targets (2, 7), whole multiples of 1 / `GRID` for the sides that have a target.
+        """
+        result = np.array(joints, dtype=np.float64)
+        for side, target in targets.items():
+            row = side.index
+            solution = self._arms[side].step(
+                result[row], target, dt, posture[row], None if before is None else before[row]
+            )
+            result[row] = np.rint(solution * GRID) / GRID
+        return result
+
+    def solve(
+        self,
+        joints: Array,
+        targets: Mapping[Side, SE3],
+        *,
+        tolerance: float = 1e-4,
+        max_steps: int = 100,
+    ) -> tuple[Array, bool]:
+        """Steps from joints (2, 7) in radians until the tools are at their targets.
+
+        Returns the joint targets (2, 7) nearest to the start, and whether the tolerance, in metres
+        and radians, was met within the steps.
+        """
+        current = np.asarray(joints, dtype=np.float64)
+        for _ in range(max_steps):
+            poses = self.forward(current)
+            errors = [max(poses[side].distance(pose)) for side, pose in targets.items()]
+            if max(errors, default=0.0) < tolerance:
+                return current, True
+            current = self.step(current, targets, dt=1.0, posture=current)
+        return current, False

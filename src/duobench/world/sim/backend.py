@@ -1,0 +1,125 @@
+"""The simulated robot behind the same interface as the real one."""
+
+import time
+from collections.abc import Sequence
+
+from duobench.core.backend import DuoLimits, Image
+from duobench.core.types import Array, DuoCommand, DuoState
+from duobench.world.looks.look import Look
+from duobench.world.robot.joints import RANGE_MARGIN, SERVO_LAG, duo_limits
+from duobench.world.sim.appearance import Appearance
+from duobench.world.sim.rendering import Renderer
+from duobench.world.sim.simulation import Simulation
+
+
+class SimBackend:
+    """A `DuoBackend` over a simulation, of which nothing breaks and no image grows old.
+
+    Args:
+        simulation: The simulation.
+        speed_fraction: Part of the joints' speed limits that the arms use; below 1 they keep
+            the limits of real arms.
+    """
+
+    def __init__(self, simulation: Simulation, speed_fraction: float = 1.0) -> None:
+        self.simulation = simulation
+        slower = duo_limits((speed_fraction, speed_fraction), RANGE_MARGIN, SERVO_LAG)
+        self._slower = None if speed_fraction == 1.0 else slower
+        self._held: str | None = None
+        self._look = Look()
+        self._renderers: dict[tuple[int, int], Renderer] = {}
+        self.rendering_s = 0.0
+        """Seconds that rendering has taken so far."""
+
+    def start(self) -> None:
+        """Do nothing: simulated time stands still between commands."""
+
+    def stop(self) -> None:
+        """Do nothing: simulated time stands still between commands."""
+
+    def home(self) -> None:
+        """Put the arms home at once, with open grippers; everything begins again at time zero."""
+        self._held = None
+        self.simulation.reset_data()
+        self.simulation.forward()
+
+    def hold(self, reason: str) -> None:
+        """Hold both arms at the last command until `home`."""
+        self._held = self._held or reason
+
+    @property
+    def held(self) -> str | None:
+        """Why the arms are held; None while they follow commands."""
+        return self._held
+
+    def health(self) -> None:
+        """None: nothing of a simulation breaks but its physics, of which `command` raises."""
+
+    def image_ages(self) -> dict[str, float]:
+        """None at all: images are rendered when they are asked for."""
+        return {}
+
+    @property
+    def limits(self) -> DuoLimits:
+        """Limits of the arms."""
+        return self.simulation.duo.limits
+
+    @property
+    def last_command(self) -> DuoCommand:
+        """The last command, as the actuators hold it."""
+        return self.simulation.duo.command()
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the objects came to rest at the reset."""
+        return self.simulation.data.time
+
+    def read(self) -> DuoState:
+        """State after the last physics step."""
+        return self.simulation.duo.read()
+
+    def joint_velocities(self) -> Array:
+        """Joint velocities (2, 7) in rad/s after the last physics step."""
+        return self.simulation.duo.joint_velocities()
+
+    def command(self, command: DuoCommand) -> DuoCommand:
+        """Advance one control step towards a command, limited where the arms keep slower limits.
+
+        While the arms are held, they stay at the last one.
+        """
+        if self._held is not None:
+            command = self.last_command
+        elif self._slower is not None:
+            duo = self.simulation.duo
+            command = DuoCommand.from_flat(duo.clipped(command.flat, self._slower))
+        self.simulation.advance(command)
+        return command
+
+    @property
+    def look(self) -> Look:
+        """How the images look."""
+        return self._look
+
+    def set_look(self, look: Look) -> None:
+        """Give images in another look from now on; physics and model stay as they are."""
+        if look == self._look:
+            return
+        Appearance(self.simulation.model, look)  # rejects it before anything has changed
+        self._look = look
+
+    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
+        """Render the current state; see `DuoBackend.images`."""
+        start = time.perf_counter()
+        if shape not in self._renderers:
+            height, width = shape
+            self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
+        renderer = self._renderers[shape]
+        renderer.set_look(self._look)
+        images = renderer.render_all(self.simulation.data, cameras)
+        self.rendering_s += time.perf_counter() - start
+        return images
+
+    def close(self) -> None:
+        """Free the renderers."""
+        for renderer in self._renderers.values():
+            renderer.close()

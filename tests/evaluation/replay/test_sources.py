@@ -1,0 +1,250 @@
+"""What can be viewed: tasks, data sets and runs, down to where every body is.
+
+A run may be followed while others write it: what its records add up to, and its report at the end.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from duobench.core.errors import EvaluationError, UnknownNameError
+from duobench.data import DataSet, Recording
+from duobench.envs.config import LAYOUT_SEED
+from duobench.envs.sim_env import SimEnv
+from duobench.evaluation.replay.sources import (
+    DataSource,
+    FollowedRun,
+    RunSource,
+    TaskSource,
+    open_view,
+)
+from duobench.evaluation.replay.viewer import Viewer
+from duobench.results.bundle import write_bundle
+from duobench.results.folder import RunFolder, RunReader
+from duobench.results.scores import wilson_interval
+from duobench.tasks import catalog
+from duobench.web.geometry import Geometry
+from duobench.web.server import PageServer
+from tests.data.tools import HORIZON, TASK, recorded
+from tests.evaluation import toy_tasks
+from tests.web.pages import get
+
+MILLIMETRE = 1e-3
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data") / "waved"
+    recorded(folder)
+    return folder
+
+
+@pytest.fixture
+def opened() -> Iterator[Callable[..., Any]]:
+    with ExitStack() as ending:
+        yield lambda *words, **options: ending.enter_context(closing(open_view(*words, **options)))
+
+
+def test_a_task_is_shown_as_its_reset_leaves_it(opened):
+    source = opened("bin_sort")
+    assert isinstance(source, TaskSource)
+    third = source.load("3")
+    with closing(SimEnv(catalog.get("bin_sort"))) as env:
+        _, info = env.reset(options={LAYOUT_SEED: 3})
+        geometry = Geometry(env.simulation.model)
+        np.testing.assert_allclose(
+            third.poses()[0, :, :3], geometry.poses(env.simulation.data)[:, :3], atol=MILLIMETRE
+        )
+    assert third.instruction == info["instruction"]
+    assert third.scene == geometry.name
+    assert len(third.stages) == len(third.subinstructions)
+    assert third.next_after(0) == third.subinstructions[0]
+    other = source.load("4").poses()
+    assert other.shape == third.poses().shape
+    assert np.abs(other[..., :3] - third.poses()[..., :3]).max() > 0.01
+
+
+def test_a_recorded_episode_is_shown_as_its_states_were(data, opened):
+    source = opened(str(data))
+    assert isinstance(source, DataSource)
+    (item,) = source.items
+    assert (item.id, item.title, item.state) == (f"{TASK}/00000", f"{TASK} 00000", "failure")
+    trajectory = source.load(item.id)
+    (path,) = DataSet.open(data).episodes()
+    recording = Recording.read(path)
+    poses = trajectory.poses()
+    assert len(poses) == HORIZON + 1
+    assert trajectory.instruction == recording.info.instruction
+    with closing(SimEnv(catalog.get(TASK))) as env:
+        env.reset(options={"layout": recording.info.layout})
+        geometry = Geometry(env.simulation.model)
+        env.simulation.set_state(recording.state[HORIZON])
+        expected = geometry.poses(env.simulation.data)
+    np.testing.assert_allclose(poses[HORIZON, :, :3], expected[:, :3], atol=MILLIMETRE)
+    assert np.abs(poses[HORIZON] - poses[0]).max() > 0.01
+
+
+def test_episodes_of_a_run_are_played_from_their_targets(play, tmp_path, opened):
+    folder, results = play("random", episodes=2)
+    write_bundle(folder, tmp_path / "run.zip")
+    for path in (folder.path, tmp_path / "run.zip"):
+        source = opened(str(path), import_tasks=True)
+        assert isinstance(source, RunSource)
+        assert [item.id for item in source.items] == ["wave/0", "wave/1", "nod/0", "nod/1"]
+        records = [each for task in results.tasks for each in task.records]
+        for item, record in zip(source.items, records, strict=True):
+            trajectory = source.load(item.id)
+            assert trajectory.stage_changes == record.stage_changes
+            assert len(trajectory.poses()) == record.steps + 1
+            assert trajectory.stage_after(record.steps) == record.final_stage
+            assert trajectory.note == record.missing
+            assert item.detail == f"{item.state}, stage {record.final_stage} of {record.max_stage}"
+
+
+def test_episodes_of_some_tasks_alone(data, play):
+    folder, _ = play("random", episodes=1)
+    items = open_view(str(folder.path), tasks=["nod"]).items
+    assert [item.id for item in items] == ["nod/0"]
+    assert [item.id for item in open_view(str(data), tasks=[TASK]).items] == [f"{TASK}/00000"]
+    for path in (folder.path, data):
+        with pytest.raises(UnknownNameError, match="Unknown task in the"):
+            open_view(str(path), tasks=["carry_pot"])
+
+
+def test_code_of_others_is_not_run_unasked(play, opened):
+    folder, _ = play("random", episodes=1)
+    with pytest.raises(UnknownNameError, match="none of the benchmark"):
+        opened(str(folder.path)).load("wave/0")
+
+
+def test_an_episode_that_failed_with_an_error_says_with_which(play, opened):
+    folder, results = play("Faulty", episodes=1)
+    source = opened(str(folder.path), import_tasks=True)
+    failed = {item.id for item in source.items if item.state == "error"}
+    records = [each for task in results.tasks for each in task.records if each.error]
+    assert failed == {f"{each.task}/{each.episode}" for each in records} != set()
+    for record in records:
+        assert source.load(f"{record.task}/{record.episode}").note == record.reason
+
+
+@pytest.mark.parametrize(
+    ("make", "kind", "message"),
+    [
+        (lambda _path: None, UnknownNameError, "Unknown task"),
+        (lambda path: (path / "other").mkdir(parents=True), EvaluationError, "neither a data set"),
+        (DataSet.open, EvaluationError, "no finished episode"),
+    ],
+)
+def test_what_cannot_be_viewed(tmp_path, monkeypatch, make, kind, message):
+    monkeypatch.chdir(tmp_path)
+    make(tmp_path / "x")
+    with pytest.raises(kind, match=message):
+        open_view("x")
+
+
+def test_a_task_of_ones_own(opened):
+    assert opened(toy_tasks.WAVE_NAME).load("0").task == "wave"
+
+
+# --- a run that others write ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def server() -> Iterator[PageServer]:
+    server = PageServer({})
+    yield server
+    server.close()
+
+
+def followed(folder: RunFolder, server: PageServer) -> FollowedRun:
+    return FollowedRun(folder, server, import_tasks=True)
+
+
+def test_a_run_is_followed_from_before_its_start(play, server):
+    path = play("random", "other", episodes=1)[0].path.with_name("run")
+    run = followed(RunFolder(path), server)
+    assert run.refresh() == {"run": {"note": "Nothing is written yet."}}
+    folder, results = play("random", episodes=2)
+    folder.page.unlink()
+    folder.discard(results.tasks[1].records[1].key)
+    found = run.refresh()["run"]
+    assert (found["finished"], found["of"]) == (3, 4)
+    rows = [(row["task"], row["episodes"], row["of"]) for row in found["rows"]]
+    assert rows == [("wave", 2, 2), ("nod", 1, 2)]
+    for row in found["rows"]:
+        assert row["wilson_95"] == list(wilson_interval(row["successes"], row["episodes"]))
+    failed = {item.id for item in run.items if item.state != "success"}
+    assert {each["id"] for each in found["failures"]} == failed
+    assert [item.id for item in run.items] == ["wave/0", "wave/1", "nod/0"]
+    assert len(run.load("nod/0").poses()) == results.tasks[1].records[0].steps + 1
+    run.close()
+
+
+def test_every_record_is_read_once(play, server, monkeypatch):
+    folder, _ = play("random", episodes=2)
+    read: list[Any] = []
+    whole = RunReader.read_record
+    monkeypatch.setattr(
+        RunReader, "read_record", lambda *words: read.append(words[-1]) or whole(*words)
+    )
+    run = followed(folder, server)
+    for _ in range(3):
+        run.refresh()
+    assert len(read) == len(set(read)) == 4
+
+
+def test_the_report_is_shown_once_it_is_that_of_all_episodes(play, server):
+    folder, _ = play("random", episodes=1)
+    run = followed(folder, server)
+    shown = run.refresh()
+    assert get(server.url, shown["report"])[2] == folder.page.read_bytes()
+    content = folder.page.read_bytes()
+    folder.page.unlink()
+    assert "report" not in run.refresh()
+    assert run.refresh(is_last=True)["ended"]
+    folder.page.write_bytes(content)
+    play("random", episodes=2)
+    (folder.path / "records/nod").rename(folder.path / "elsewhere")
+    assert "report" not in run.refresh()
+    assert run.refresh(is_last=True)["report"] == shown["report"]
+
+
+def test_a_run_that_cannot_be_read_says_so_and_is_followed_on(play, server):
+    folder, results = play("random", episodes=1)
+    path = folder.record(results.tasks[0].records[0].key)
+    content = path.read_bytes()
+    path.write_bytes(b"{")
+    run = followed(folder, server)
+    assert "cannot be read now" in run.refresh()["run"]["note"]
+    path.write_bytes(content)
+    assert run.refresh()["run"]["finished"] == 2
+
+
+def test_a_viewer_shows_what_comes(play, server, tmp_path):
+    run = followed(RunFolder(tmp_path / "run"), server)
+    viewer = Viewer(run, server, run.refresh)
+    viewer.stop()
+    play("random", episodes=1)
+    viewer.run()
+    assert server._latest["status"]
+    assert '"report"' in str(server._latest["status"])
+
+
+def test_a_break_of_a_run_is_no_time_that_it_took(play, server):
+    folder, results = play("random", episodes=2)
+    keys = [record.key for task in results.tasks for record in task.records]
+    folder.discard(keys.pop())
+    end = time.time()
+    days = 3 * 86400.0
+    moments = [end - days - 20.0, end - days - 10.0, end - days, end]  # gone on with days later
+    for path, moment in zip([folder.description, *map(folder.record, keys)], moments, strict=True):
+        os.utime(path, (moment, moment))
+    found = followed(folder, server).refresh()["run"]
+    assert found["elapsed_s"] == pytest.approx(20.0, abs=5.0)
+    assert found["left_s"] == pytest.approx(10.0, abs=0.1)

@@ -1,0 +1,236 @@
+"""The rule: stages never fall, jumps are allowed, and memory is of earlier steps only."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from duobench.core.errors import TaskError
+from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ
+from duobench.tasks.stages.logic import Predicate, held_for, since
+from duobench.tasks.stages.predicates import raised, variant
+from duobench.tasks.stages.progress import LOST_SECONDS, Progress, Stage, check_names
+from duobench.world.sim.duo import HOME
+from duobench.world.sim.simulation import Simulation
+from tests.tasks.stages.bench import Bench
+
+
+def reference(steps: tuple[str, ...], letters: str) -> list[int]:
+    """The rule of the paper, word for word."""
+    stages, stage = [], 0
+    for step in steps:
+        stage = max({stage} | {k for k, letter in enumerate(letters, 1) if letter in step})
+        stages.append(stage)
+    return stages
+
+
+STEPS = ["", "a", "b", "c", "ab", "ac", "bc", "abc"]
+
+
+def test_the_rule_of_the_paper(bench: Bench) -> None:
+    for played in itertools.product(STEPS, repeat=3):
+        progress = bench.begin(*map(bench.fact, "abc"))
+        for now, step in enumerate(played, 1):
+            assert bench.play(progress, step) == reference(played[:now], "abc")[-1:], played
+            assert progress.final_holds == ("c" in step)
+            assert progress.success == any("c" in earlier for earlier in played[:now])
+        assert progress.max_stage == 3
+
+
+def test_a_reset_forgets(bench: Bench) -> None:
+    progress = bench.begin(bench.fact("a"), bench.fact("b") & since(bench.fact("a")))
+    bench.play(progress, "a", "b")
+    assert progress.success
+    progress.reset(bench.sim, {})
+    assert (progress.stage, progress.success, progress.final_holds) == (0, False, False)
+    assert bench.play(progress, "b") == [0]
+
+
+# --- memory --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("steps", "ever", "never"),
+    [
+        (["ab"], [0], [1]),  # not the same step
+        (["ab", "b"], [0, 1], [1, 1]),  # it counts from the next one on
+        (["a", "b"], [0, 1], [0, 0]),
+        (["b", "b"], [0, 0], [1, 1]),
+    ],
+)
+def test_ever_means_an_earlier_step(
+    bench: Bench, steps: list[str], ever: list[int], never: list[int]
+) -> None:
+    a, b = bench.fact("a"), bench.fact("b")
+    assert bench.play(bench.begin(b & since(a)), *steps) == ever
+    assert bench.play(bench.begin(b & ~since(a)), *steps) == never
+
+
+@pytest.mark.parametrize(
+    ("steps", "stages"),
+    [
+        (["a", "b", "c"], [0, 0, 1]),
+        (["b", "a", "c"], [0, 0, 0]),
+        (["a", "bc", ""], [0, 0, 0]),  # c came with b
+        (["ab", "c", "c"], [0, 0, 0]),  # b came with a
+        (["ab", "b", "c"], [0, 0, 1]),
+        (["a", "", "b", "", "c"], [0, 0, 0, 0, 1]),
+    ],
+)
+def test_nested_memories_see_events_in_order(
+    bench: Bench, steps: list[str], stages: list[int]
+) -> None:
+    a, b, c = map(bench.fact, "abc")
+    assert bench.play(bench.begin(c & since(b & since(a))), *steps) == stages
+
+
+def test_four_events_in_a_row(bench: Bench) -> None:
+    a, b, c, d = map(bench.fact, "abcd")
+    ordered = d & since(c & since(b & since(a)))
+    for order in itertools.permutations("abcd"):
+        expected = 1 if order == ("a", "b", "c", "d") else 0
+        assert bench.play(bench.begin(ordered), *order)[-1] == expected, order
+
+
+def test_memories_are_found_wherever_they_are_written(bench: Bench) -> None:
+    a, b = bench.fact("a"), bench.fact("b")
+    for constraint in (b & (b | since(a)) & since(a), b & ~~since(a), since(a) & b):
+        assert bench.play(bench.begin(constraint), "b", "a", "b") == [0, 0, 1]
+
+
+def test_two_episodes_at_once_do_not_share_memory(bench: Bench) -> None:
+    constraint = bench.fact("b") & since(bench.fact("a"))
+    one, other = bench.begin(constraint), bench.begin(constraint)
+    bench.play(one, "a")
+    assert bench.play(other, "b") == [0]
+    assert bench.play(one, "b") == [1]
+
+
+def test_a_memory_that_is_certain_is_not_asked_again(bench: Bench) -> None:
+    progress = bench.begin(bench.fact("z") & since(bench.fact("a")))
+    bench.play(progress, "", "a", "", "")
+    assert bench.asked.count("a") == 2
+
+
+# --- held for a time -----------------------------------------------------------------------------
+
+
+def test_held_for_needs_every_step_of_the_time_in_an_episode(bench: Bench) -> None:
+    progress = bench.begin(held_for(bench.fact("a"), 0.1))
+    assert bench.play(progress, "a", "a", "", "a", "a", "a") == [0, 0, 0, 0, 0, 1]
+    progress.reset(bench.sim, {})
+    bench.play(progress, "a", "a")
+    progress.reset(bench.sim, {})
+    assert bench.play(progress, "a", "a", "a") == [0, 0, 1]
+
+
+# --- what is lost ---------------------------------------------------------------------------------
+
+
+def standing_after(bench: Bench, progress: Progress, *steps: str) -> list[int]:
+    found = []
+    for step in steps:
+        bench.play(progress, step)
+        found.append(progress.standing)
+    return found
+
+
+def two_stages(bench: Bench) -> Progress:
+    """Stage 1 is a, of which x must stay; 2 is b, of which y must; 3 is c."""
+    a, b, c, x, y = map(bench.fact, "abcxy")
+    stages = (
+        Stage(name="a", instruction="do a", holds=a, stays=x),
+        Stage(name="b", instruction="do b", holds=b, stays=y),
+        Stage(name="c", instruction="do c", holds=c),
+    )
+    progress = Progress(stages)
+    progress.reset(bench.sim, {})
+    return progress
+
+
+LONG_LOST = round(LOST_SECONDS * CONTROL_HZ)
+
+
+def test_what_is_lost_for_long_is_to_be_done_again_and_the_stage_stays(bench: Bench) -> None:
+    progress = two_stages(bench)
+    assert standing_after(bench, progress, "", "ax", "bxy") == [0, 1, 2]
+    assert standing_after(bench, progress, *["x"] * LONG_LOST) == [2] * (LONG_LOST - 1) + [1]
+    assert progress.stage == 2
+    assert standing_after(bench, progress, "xy") == [2], "it was done again"
+    assert standing_after(bench, progress, *["y"] * LONG_LOST)[-1] == 0, "the lowest that is lost"
+
+
+def test_what_is_back_in_time_was_never_lost(bench: Bench) -> None:
+    progress = two_stages(bench)
+    bench.play(progress, "ax")
+    almost = [""] * (LONG_LOST - 1)
+    assert standing_after(bench, progress, *almost, "x", *almost) == [1] * (2 * LONG_LOST - 1)
+
+
+def test_a_stage_that_is_not_reached_cannot_be_lost(bench: Bench) -> None:
+    progress = two_stages(bench)
+    bench.play(progress, *["x"] * 2 * LONG_LOST)
+    assert standing_after(bench, progress, "bx") == [2], "and stage 2 is not lost at once"
+
+
+def test_what_is_lost_goes_with_the_state(bench: Bench) -> None:
+    progress, other = two_stages(bench), two_stages(bench)
+    bench.play(progress, "ax", *[""] * LONG_LOST)
+    other.set_state(progress.get_state(), {})
+    assert (other.stage, other.standing) == (1, 0)
+    other.reset(bench.sim, {})
+    assert (other.stage, other.standing) == (0, 0)
+
+
+# --- what an episode brings along ----------------------------------------------------------------
+
+
+def test_heights_count_from_the_start_of_the_episode(sim: Simulation) -> None:
+    progress = Progress((Stage(name="up", instruction="up", holds=raised("cube", 0.03)),))
+    sim.reset_data()
+    for start in (0.016, 0.216):
+        for height, stage in ((0.0, 0), (0.029, 0), (0.031, 1)):
+            sim.place("cube", SE3.at(0.5, 0.0, start + height))
+            sim.forward()
+            if height == 0.0:
+                progress.reset(sim, {})
+            assert progress.update(sim) == stage
+
+
+def test_variants_are_those_of_the_layout(bench: Bench) -> None:
+    assert bench.play(bench.begin(variant("full", "left"), full="left"), "") == [1]
+    assert bench.play(bench.begin(variant("full", "left"), full="right"), "") == [0]
+
+
+def test_judging_changes_nothing_in_the_simulation(sim: Simulation) -> None:
+    progress = Progress((Stage(name="up", instruction="up", holds=raised("cube", 0.03)),))
+    progress.reset(sim, {})
+    sim.step(HOME)
+    before = sim.get_state().tobytes()
+    progress.update(sim)
+    assert sim.get_state().tobytes() == before
+
+
+@pytest.mark.parametrize(
+    "combined", [lambda p, q: p and q, lambda p, q: p or q, lambda p, _: not p]
+)
+def test_the_words_of_python_do_not_combine(
+    bench: Bench, combined: Callable[[Predicate, Predicate], object]
+) -> None:
+    with pytest.raises(TaskError, match="neither true nor false"):
+        combined(bench.fact("a"), bench.fact("b"))
+
+
+def test_a_predicate_names_what_it_asks_and_must_remember(bench: Bench) -> None:
+    was = since(bench.fact("a"))
+    mine = Predicate("mine", was.__call__)
+    stages = [Stage(name="one", instruction="do", holds=mine | bench.fact("b"))]
+    with pytest.raises(TaskError, match="'mine' asks 'since a'"):
+        check_names(stages, bench.sim, {}, {})
+    check_names([replace(stages[0], holds=replace(mine, parts=(was,)))], bench.sim, {}, {})
+    now = Predicate("now", bench.fact("a").__call__)  # which needs no memory
+    check_names([replace(stages[0], holds=now)], bench.sim, {}, {})
