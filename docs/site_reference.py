@@ -35,20 +35,16 @@ EXAMPLES = DOCS / "site_examples.txt"
 MESSAGES = DOCS.parent / "tests" / "errors.json"
 """What the program says when something is wrong; a test provokes each."""
 PACKAGES = (
-    *(
-        "duobench",
-        "duobench.envs",
-        "duobench.policy",
-        "duobench.evaluation",
-        "duobench.evaluation.runners",
-    ),
-    *(
-        "duobench.evaluation.replay",
-        "duobench.data",
-        "duobench.tasks",
-        "duobench.world.objects",
-        "duobench.world.looks",
-    ),
+    "duobench",
+    "duobench.envs",
+    "duobench.policy",
+    "duobench.evaluation",
+    "duobench.evaluation.runners",
+    "duobench.evaluation.replay",
+    "duobench.data",
+    "duobench.tasks",
+    "duobench.world.objects",
+    "duobench.world.looks",
     "duobench.printing",
 )
 """Whose names are public, in the order in which people meet them."""

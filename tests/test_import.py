@@ -47,8 +47,16 @@ print(json.dumps({
 
 
 HEAVY = {
-    *("mujoco", "OpenGL", "glfw", "matplotlib", "trimesh", "manifold3d", "mink"),
-    *("PIL", "av", "scipy"),
+    "mujoco",
+    "OpenGL",
+    "glfw",
+    "matplotlib",
+    "trimesh",
+    "manifold3d",
+    "mink",
+    "PIL",
+    "av",
+    "scipy",
 }
 
 

@@ -106,7 +106,9 @@ def test_instructions_of_the_container_can_all_be_played(tmp_path: Path) -> None
     _, wheel = build(tmp_path / "src", tmp_path)
     assert pages_of(wheel) == PAGES
     assert (root.user, root.place, root.entry, root.command) == (
-        *("runner", "/runs", ["duobench"]),
+        "runner",
+        "/runs",
+        ["duobench"],
         ["doctor"],
     )
     with pytest.raises(ValueError, match="VOLUME"):

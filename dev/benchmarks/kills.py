@@ -126,8 +126,20 @@ class Killed:
     def _start(self) -> subprocess.Popen[bytes]:
         served = ("--server", f"ws://127.0.0.1:{self._port}") if self._policy == "openpi" else ()
         return _duobench(
-            *("eval", "--policy", self._policy, *served, "--tasks", *TASKS, "--videos", "0"),
-            *("--episodes", str(EPISODES), "--workers", str(WORKERS), "--out", str(self._folder)),
+            "eval",
+            "--policy",
+            self._policy,
+            *served,
+            "--tasks",
+            *TASKS,
+            "--videos",
+            "0",
+            "--episodes",
+            str(EPISODES),
+            "--workers",
+            str(WORKERS),
+            "--out",
+            str(self._folder),
         )
 
     @contextmanager

@@ -45,8 +45,13 @@ MOST_PERIOD_MS, MOST_LATENCY_MS = 50.0, 20.0
 """Bars: 99 of 100 periods of the loop, and the middle one of the latencies."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = (
-    *("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
-    *("--window-size=1280,900", "--no-first-run", "--disable-background-networking"),
+    "--headless=new",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--window-size=1280,900",
+    "--no-first-run",
+    "--disable-background-networking",
 )
 
 

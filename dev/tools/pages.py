@@ -25,8 +25,13 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 TIMEOUT_S = 180
 """Seconds that the browser may take for one page."""
 _FLAGS = (
-    *("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"),
-    *("--disable-background-networking", "--no-first-run", "--virtual-time-budget=30000"),
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--hide-scrollbars",
+    "--disable-background-networking",
+    "--no-first-run",
+    "--virtual-time-budget=30000",
 )
 
 

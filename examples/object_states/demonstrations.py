@@ -197,7 +197,8 @@ def action_mode(labels: Rows) -> str:
 
 def checkpoint() -> Path:
     """What is played: the path in the variable CHECKPOINT."""
-    if not (path := os.environ.get("CHECKPOINT")):
+    path = os.environ.get("CHECKPOINT")
+    if not path:
         raise PolicyError(
             "The variable CHECKPOINT names what is played, such as CHECKPOINT=exports/bin_sort or "
             "CHECKPOINT=bin_sort.npz."

@@ -144,7 +144,8 @@ def _axes(names: tuple[str, ...]) -> list[tuple[int, slice, slice]]:
     """Of objects with axes: which of the things they are, and where x and z axes stand."""
     found = []
     for k, body in enumerate(bodies(names), len(SIDES)):
-        if (name := f"{body}_x_axis_x") in names:
+        name = f"{body}_x_axis_x"
+        if name in names:
             x, z = names.index(name), names.index(f"{body}_z_axis_x")
             found.append((k, slice(x, x + 3), slice(z, z + 3)))
     return found

@@ -63,7 +63,8 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
     """Train one network and play it, each unless that is done; what is written is whole."""
     file = result(asked, task, seed)
     if file.exists():
-        if (suite := json.loads(file.read_text())["suite"]) != SUITE_VERSION:
+        suite = json.loads(file.read_text())["suite"]
+        if suite != SUITE_VERSION:
             raise OtherRunError(
                 f"{file} is of suite {suite}, and this is suite {SUITE_VERSION}: name another "
                 "folder of results."

@@ -267,7 +267,9 @@ def test_doctor_looks_at_what_is_left_to_it_by_others(tmp_path: Path) -> None:
     """What a kernel, a shell or a script of a job hands over; all of it is no reason to stop."""
     backend = "module://matplotlib_inline.backend_inline"
     done = duobench(
-        *("doctor", "--out", "new/run"),
+        "doctor",
+        "--out",
+        "new/run",
         folder=tmp_path,
         MPLBACKEND=backend,
         OMP_NUM_THREADS="many",

@@ -28,8 +28,18 @@ COMMAND = re.compile(r"pip install((?: +(?:'[^'\n]+'|[^\s'\"`]+))+)")
 WORD = re.compile(r"'([^'\n]+)'|([^\s']+)")
 UNREAD = ("tests", "CHANGELOG.md")
 OTHERS = {
-    *("lerobot", "vlagents", "rpyc", "vla-eval", "openpi-client"),
-    *("pandas", "polars", "duckdb", "torch", "pyarrow", "stable-baselines3", "gymnasium"),
+    "lerobot",
+    "vlagents",
+    "rpyc",
+    "vla-eval",
+    "openpi-client",
+    "pandas",
+    "polars",
+    "duckdb",
+    "torch",
+    "pyarrow",
+    "stable-baselines3",
+    "gymnasium",
 }
 """Packages of others that pages and messages name."""
 

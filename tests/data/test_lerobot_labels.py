@@ -46,8 +46,8 @@ def feature(folder: Path, name: str) -> dict:
 
 def test_object_states_are_those_that_an_environment_shows(data: DataSet, tmp_path: Path) -> None:
     main([
-        *("export", "lerobot", str(data.path), "--out", str(tmp_path / "out")),
-        *("--cameras", "none", "--object-state", "--per-task", "--workers", "0"),
+        "export", "lerobot", str(data.path), "--out", str(tmp_path / "out"),
+        "--cameras", "none", "--object-state", "--per-task", "--workers", "0",
     ])  # fmt: skip
     out, name = tmp_path / "out" / SHORT_TASK, "observation.environment_state"
     exported, (recording,) = rows(out, name), data.recordings()

@@ -52,8 +52,12 @@ def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
     (tmp_path / "stack_cube.py").write_text(TASK + EXPERT, encoding="utf-8")
     lines = [line for block in blocks(PAGE, "sh") for line in block.splitlines()]
     assert [shlex.split(line)[1] for line in lines] == [
-        *("render", "eval", "eval"),
-        *("record", "data", "export"),
+        "render",
+        "eval",
+        "eval",
+        "record",
+        "data",
+        "export",
     ]
     for line in lines:
         run(line, tmp_path)

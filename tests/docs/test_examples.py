@@ -40,8 +40,14 @@ from tests.web.pages import Page
 COMPARISON, LEROBOT, POLICIES, PRINTING, ROBUSTNESS, SCALE, SERVING, VIEWING = (
     page_of(name)
     for name in (
-        *("comparison", "lerobot_policies", "policies", "printing"),
-        *("robustness", "scale", "serving", "viewing"),
+        "comparison",
+        "lerobot_policies",
+        "policies",
+        "printing",
+        "robustness",
+        "scale",
+        "serving",
+        "viewing",
     )
 )
 
@@ -59,7 +65,12 @@ def test_the_command_writes_what_the_page_says(
     main(shlex.split(line)[1:])
     written = {path.name for path in (tmp_path / "runs" / "compared").iterdir()}
     assert written == {
-        *("index.html", "comparison.json", "table.md", "table.csv", "table.tex", "figures"),
+        "index.html",
+        "comparison.json",
+        "table.md",
+        "table.csv",
+        "table.tex",
+        "figures",
     }
 
 

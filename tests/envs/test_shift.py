@@ -12,8 +12,17 @@ from tests.envs.tools import Make, arrays, equal, make_small, sim_of
 
 TASK, SEED, STEPS = "spring_door", 5, 12
 MODEL = (
-    *("body_mass", "body_inertia", "geom_friction", "jnt_stiffness", "dof_damping"),
-    *("geom_size", "geom_pos", "body_pos", "geom_rgba", "actuator_gainprm", "dof_invweight0"),
+    "body_mass",
+    "body_inertia",
+    "geom_friction",
+    "jnt_stiffness",
+    "dof_damping",
+    "geom_size",
+    "geom_pos",
+    "body_pos",
+    "geom_rgba",
+    "actuator_gainprm",
+    "dof_invweight0",
 )
 
 
@@ -69,7 +78,11 @@ def test_an_axis_changes_what_it_says_and_nothing_else(
     if axis == "physics":
         model = {name for name in MODEL if not equal(found["model"][name], usual["model"][name])}
         assert model == {
-            *("body_mass", "body_inertia", "geom_friction", "jnt_stiffness", "dof_damping"),
+            "body_mass",
+            "body_inertia",
+            "geom_friction",
+            "jnt_stiffness",
+            "dof_damping",
             "dof_invweight0",
         }
 

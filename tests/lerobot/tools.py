@@ -24,8 +24,11 @@ SCRIPTS = Path(sys.executable).parent
 QUICK = ("--batch_size=2", "--num_workers=0", "--policy.device=cpu", "--log_freq=1")
 TINY = (
     *QUICK,
-    *("--policy.dim_model=32", "--policy.n_heads=2", "--policy.dim_feedforward=32"),
-    *("--policy.n_encoder_layers=1", "--policy.n_vae_encoder_layers=1"),
+    "--policy.dim_model=32",
+    "--policy.n_heads=2",
+    "--policy.dim_feedforward=32",
+    "--policy.n_encoder_layers=1",
+    "--policy.n_vae_encoder_layers=1",
 )
 """What makes a training of ACT small enough for a test; the last of two equal options counts."""
 OFFLINE = {"HF_HUB_OFFLINE": "1", "HF_DATASETS_OFFLINE": "1", "OMP_NUM_THREADS": "1"}

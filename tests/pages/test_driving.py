@@ -248,8 +248,10 @@ def test_keys_move_by_a_step_and_go_on_while_held(
 ) -> None:
     page.page.mouse.click(*canvas)
     for key, expected in (
-        *(("ArrowUp", [0.005, 0, 0]), ("ArrowLeft", [0, 0.005, 0])),
-        *(("PageUp", [0, 0, 0.005]), ("PageDown", [0, 0, -0.005])),
+        ("ArrowUp", [0.005, 0, 0]),
+        ("ArrowLeft", [0, 0.005, 0]),
+        ("PageUp", [0, 0, 0.005]),
+        ("PageDown", [0, 0, -0.005]),
     ):
         np.testing.assert_allclose(pressed(page, key)[0], expected, atol=1e-9)
 

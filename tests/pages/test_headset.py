@@ -130,8 +130,10 @@ def test_buttons_are_those_of_the_standard_mapping(page: Operated) -> None:
     press(page, "left", "trigger", 0)
     assert page.settle()["devices"] == []
     for side, button, name in (
-        *(("left", "x-button", "keep"), ("left", "y-button", "restore")),
-        *(("right", "a-button", "keep"), ("right", "b-button", "discard")),
+        ("left", "x-button", "keep"),
+        ("left", "y-button", "restore"),
+        ("right", "a-button", "keep"),
+        ("right", "b-button", "discard"),
     ):
         expected = {"keep": False, "discard": False, "restore": False, "recentre": False}
         assert press(page, side, button, 1)[side]["buttons"] == expected | {name: True}

@@ -154,7 +154,9 @@ def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) ->
     page.click("#drive")
     until(page, "document.querySelector('.role').textContent == 'You drive'")
     assert [page.locator(f"#{id}").is_visible() for id in ("drive", "keep", "discard")] == [
-        *(False, False, True)
+        False,
+        False,
+        True,
     ]
     assert page.locator(".facts").text_content() == "Kept2 of 10Clutchright closed"
     # On real arms nothing else sees that it is solved.

@@ -10,9 +10,17 @@ from dev.tools.pages import DESKTOP, PHONE, VIEWS, View, measure, violations
 SITE = "DUOBENCH_SITE"
 """Environment variable: the folder of the site."""
 PAGES = (
-    *("index", "tasks/index", "tasks/pour_marbles", "tasks/gallery", "guides/index"),
-    *("guides/real_arms", "reference/python", "reference/command_line", "reference/messages"),
-    *("start/policies", "search"),
+    "index",
+    "tasks/index",
+    "tasks/pour_marbles",
+    "tasks/gallery",
+    "guides/index",
+    "guides/real_arms",
+    "reference/python",
+    "reference/command_line",
+    "reference/messages",
+    "start/policies",
+    "search",
 )
 
 CUT = """Math.max(...[...document.querySelectorAll(".table-wrapper")].map(

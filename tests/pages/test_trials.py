@@ -260,5 +260,7 @@ def test_stages_are_corrected_from_the_film(window: Browser, led: Led) -> None:
     assert record.stage_changes == ((12, 3),)
     assert record.judged is not None
     assert [(press.stage, press.step) for press in record.judged.presses] == [
-        *((2, 0), (None, STEPS), (3, 12))
+        (2, 0),
+        (None, STEPS),
+        (3, 12),
     ]

@@ -156,8 +156,16 @@ def test_graphics_card_that_no_node_has_is_said(cluster, tmp_path):
     folders = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     with subprocess.Popen(
         [
-            *(sys.executable, "-m", "duobench", "eval", "--policy", "random"),
-            *("--out", str(out), *words, *on(cluster)),
+            sys.executable,
+            "-m",
+            "duobench",
+            "eval",
+            "--policy",
+            "random",
+            "--out",
+            str(out),
+            *words,
+            *on(cluster),
         ],
         env={**os.environ, "PYTHONPATH": folders},
         stdout=subprocess.PIPE,

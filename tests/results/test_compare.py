@@ -21,8 +21,13 @@ ROOT = Path(__file__).parents[2]
 A = {"sort": [3] * 12, "lift": [2, 2, 0, 1] * 3, "turn": [1, 0] * 6}
 B = {"sort": [0, 1] * 6, "lift": [2, 0, 0, 1] * 3, "turn": [1, 1, 0] * 4}
 FILES = (
-    *("index.html", "comparison.json", "table.md", "table.csv", "table.tex"),
-    *("figures/stages.svg", "figures/progress.svg"),
+    "index.html",
+    "comparison.json",
+    "table.md",
+    "table.csv",
+    "table.tex",
+    "figures/stages.svg",
+    "figures/progress.svg",
 )
 
 

@@ -152,8 +152,12 @@ def hosted(name: str, share: float, one: Round = AUTUMN, **changes: Any) -> Boar
 def test_hosted_entries_are_ranked_in_their_round_and_above_the_self_reported() -> None:
     known = entry("expert", 1.0, hosted=AUTUMN, **SALTED_RUN)
     entries = (
-        *(entry("public", 0.9), hosted("worse", 0.1), hosted("better", 0.2), known),
-        *(hosted("few", 0.5, tasks=TWO), hosted("other", 1.0, SPRING)),
+        entry("public", 0.9),
+        hosted("worse", 0.1),
+        hosted("better", 0.2),
+        known,
+        hosted("few", 0.5, tasks=TWO),
+        hosted("other", 1.0, SPRING),
     )
     whole = Board(entries=entries, refused=(), rounds=(SPRING, AUTUMN))
     assert [(title, [(n, e.name) for n, e in ranked]) for title, _, _, ranked in whole.groups] == [
@@ -181,12 +185,22 @@ def test_pages_say_what_a_round_shows(tmp_path: Path) -> None:
     pages = written(tmp_path, Board(entries=entries, refused=(), rounds=rounds))
     front = " ".join(pages["index.html"].split())
     words = (
-        *('<h2 id="round-1">Hosted, &lt;autumn&gt;</h2>', "published on 2026-09-01", SALT.sha256),
-        *(f'The salt is <span class="mono digest">{SALT.digits}', "all seeds follow from it"),
-        *("Refused or not there, though played", "e" * 64, ">better</a>"),
-        *('<h2 id="round-2">Hosted, spring</h2>', "d" * 64, "The salt is not published yet"),
-        *(">other</a>", '<h2 id="policies">Self-reported</h2>', "a table of its episodes"),
-        *(">public</a>", '<h2 id="privileged">Self-reported, privileged</h2>'),
+        '<h2 id="round-1">Hosted, &lt;autumn&gt;</h2>',
+        "published on 2026-09-01",
+        SALT.sha256,
+        f'The salt is <span class="mono digest">{SALT.digits}',
+        "all seeds follow from it",
+        "Refused or not there, though played",
+        "e" * 64,
+        ">better</a>",
+        '<h2 id="round-2">Hosted, spring</h2>',
+        "d" * 64,
+        "The salt is not published yet",
+        ">other</a>",
+        '<h2 id="policies">Self-reported</h2>',
+        "a table of its episodes",
+        ">public</a>",
+        '<h2 id="privileged">Self-reported, privileged</h2>',
         "<figcaption>Hosted, &lt;autumn&gt;: <b>1</b> better",
     )
     places = [front.index(word) for word in words]
@@ -236,12 +250,21 @@ def test_same_bundles_give_the_same_bytes(
 def test_groups_stand_apart(site: dict[str, str]) -> None:
     page = site["index.html"]
     words = (
-        *('<h2 id="policies">', ">good</a>", ">fair</a>"),
-        *('<h2 id="privileged">', ">expert</a>"),
-        *('<h2 id="partial">', ">few</a>", "1 of 11 tasks"),
-        *('<h2 id="paper">', "Measured elsewhere, on other tasks", "X-VLA"),
-        *('<h2 id="refused">', "&lt;b&gt;bad.duobench.zip"),
-        *('<h2 id="submit">', "duobench bundle runs/mine"),
+        '<h2 id="policies">',
+        ">good</a>",
+        ">fair</a>",
+        '<h2 id="privileged">',
+        ">expert</a>",
+        '<h2 id="partial">',
+        ">few</a>",
+        "1 of 11 tasks",
+        '<h2 id="paper">',
+        "Measured elsewhere, on other tasks",
+        "X-VLA",
+        '<h2 id="refused">',
+        "&lt;b&gt;bad.duobench.zip",
+        '<h2 id="submit">',
+        "duobench bundle runs/mine",
     )
     places = [page.index(word) for word in words]
     assert places == sorted(places)

@@ -94,7 +94,9 @@ def test_files_hold_the_same(table: MixedTable, tmp_path: Path) -> None:
         assert int(row["successes"]) == entry["successes"]
         assert row["task"] == entry["task"]
     assert [each["b"] for each in document["tests"]] == [
-        *("ACT trained on real", "ACT trained on mixed", "ACT trained on mixed")
+        "ACT trained on real",
+        "ACT trained on mixed",
+        "ACT trained on mixed",
     ]
     assert all(each["paired"] for each in document["tests"])
     latex = (tmp_path / "mixed" / "mixed.tex").read_text()

@@ -105,18 +105,27 @@ def test_videos_may_come_and_go(copy: Callable[[str], RunFolder]) -> None:
 
 FORGERIES = {
     "summary": (
-        *("plain", "summary.json", r'"successes": \d+', '"successes": 99'),
+        "plain",
+        "summary.json",
+        r'"successes": \d+',
+        '"successes": 99',
         r"summary\.json says “tasks lift successes 99”, its records give “tasks lift succ",
     ),
     "twice": (
-        *("plain", "summary.json", r'"successes": (\d+)', r'"successes": 99, "successes": \1'),
+        "plain",
+        "summary.json",
+        r'"successes": (\d+)',
+        r'"successes": 99, "successes": \1',
         r"summary\.json says ",
     ),
     "added": ("plain", "summary.json", r'"schema"', '"success": 1, "schema"', "says “success 1”"),
     "name": ("plain", "summary.json", '"mine"', '"<b>mine"', 'says “policy "<b>mine"”, its rec'),
     "no JSON": ("plain", "summary.json", r"\{", "", "its records give"),
     "headline": (
-        *("plain", "index.html", r"<dd>\d+\.\d %", "<dd>100.0 %"),
+        "plain",
+        "index.html",
+        r"<dd>\d+\.\d %",
+        "<dd>100.0 %",
         r"index\.html says “Success 100\.0 %”, its records give “Success \d+\.\d %”; duobench rep",
     ),
     "sentence": (
@@ -173,7 +182,10 @@ FORGERIES = {
         "Success 99 %",
     ),
     "its summary": (
-        *("shifts", f"{CONDITION}/summary.json", r'"errors": 0', '"errors": 5'),
+        "shifts",
+        f"{CONDITION}/summary.json",
+        r'"errors": 0',
+        '"errors": 5',
         rf"{CONDITION}/summary\.json says “.*errors 5”, its records give “.*errors 0”",
     ),
 }

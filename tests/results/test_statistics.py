@@ -138,8 +138,14 @@ def extremeness(solved: tuple[int, int], episodes: tuple[int, int]) -> Fraction:
 @pytest.mark.parametrize(
     ("successes", "episodes"),
     [
-        *[((5, 11), (20, 20)), ((0, 4), (10, 30)), ((6, 13), (20, 20)), ((6, 2), (15, 20))],
-        *[((1, 1), (3, 1)), ((6, 14), (10, 15)), ((13, 8), (30, 10)), ((9, 17), (12, 40))],
+        ((5, 11), (20, 20)),
+        ((0, 4), (10, 30)),
+        ((6, 13), (20, 20)),
+        ((6, 2), (15, 20)),
+        ((1, 1), (3, 1)),
+        ((6, 14), (10, 15)),
+        ((13, 8), (30, 10)),
+        ((9, 17), (12, 40)),
     ],
 )
 def test_barnard_counts_ties_exactly(successes: tuple[int, int], episodes: tuple[int, int]) -> None:

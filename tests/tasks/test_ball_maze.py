@@ -299,8 +299,11 @@ def test_a_touch_before_the_board_is_taken_up_does_no_harm(bench: TaskHarness) -
     x, y, z = bench.sim.position("ball")
     above, left = down(x, y, z + 0.10), Side.LEFT
     touch = do(
-        *((grip, left), (to, left, above), (to, left, above.moved(z=-0.07), {"speed": 0.15})),
-        *((to, left, above, {"speed": 0.3}), (to, left, down(0.5, 0.25, 0.3))),
+        (grip, left),
+        (to, left, above),
+        (to, left, above.moved(z=-0.07), {"speed": 0.15}),
+        (to, left, above, {"speed": 0.3}),
+        (to, left, down(0.5, 0.25, 0.3)),
     )
     bench.act(touch)
     assert bench.run_for(script, TASK.horizon) == 4

@@ -83,9 +83,14 @@ def askew(degrees: float) -> SE3:
 @pytest.mark.parametrize(
     ("depth", "off", "stage"),
     [
-        *((-0.001, SE3(), 1), (0.009, SE3(), 1), (0.011, SE3(), 2), (bars.PEG_LENGTH, SE3(), 2)),
-        *((0.015, SE3.at(z=0.0035), 2), (0.015, SE3.at(z=0.0045), 1)),
-        *((0.012, askew(8.0), 2), (0.012, askew(12.0), 1)),
+        (-0.001, SE3(), 1),
+        (0.009, SE3(), 1),
+        (0.011, SE3(), 2),
+        (bars.PEG_LENGTH, SE3(), 2),
+        (0.015, SE3.at(z=0.0035), 2),
+        (0.015, SE3.at(z=0.0045), 1),
+        (0.012, askew(8.0), 2),
+        (0.012, askew(12.0), 1),
     ],
     ids=["out", "9 mm", "11 mm", "full", "aside", "too far aside", "askew", "too askew"],
 )

@@ -61,7 +61,9 @@ def test_the_newest_image_of_every_camera_is_shown(shown: Shown) -> None:
     first = shown.news(number=0)
     assert tuple(first) == POLICY_CAMERAS
     assert [each["title"] for each in first.values()] == [
-        *("Head camera", "Left wrist camera", "Right wrist camera")
+        "Head camera",
+        "Left wrist camera",
+        "Right wrist camera",
     ]
     wait(shown.duo, 1.0 + 1e-6)
     later = shown.news(number=30)

@@ -56,8 +56,12 @@ def test_the_tool_moves_as_the_hand_does_along_the_axes_of_the_room(
         pytest.param(
             closed(),
             [
-                *((0.1, 1.0, 0.1), (0.1, 0.0, None), (0.0, 0.0, None), (-0.3, 0.0, None)),
-                *((-0.3, 1.0, 0.1), (-0.28, 1.0, 0.12)),
+                (0.1, 1.0, 0.1),
+                (0.1, 0.0, None),
+                (0.0, 0.0, None),
+                (-0.3, 0.0, None),
+                (-0.3, 1.0, 0.1),
+                (-0.28, 1.0, 0.12),
             ],
             id="release, return and squeeze move nothing",
         ),
@@ -77,8 +81,13 @@ def test_the_tool_moves_as_the_hand_does_along_the_axes_of_the_room(
         pytest.param(
             closed(),
             [
-                *((0.0, 0.49, 0.0), (0.0, 0.55, 0.0), (0.0, 0.31, 0.0), (0.0, 0.5, 0.0)),
-                *((0.0, 0.29, None), (0.0, 0.49, None), (0.0, 0.5, 0.0)),
+                (0.0, 0.49, 0.0),
+                (0.0, 0.55, 0.0),
+                (0.0, 0.31, 0.0),
+                (0.0, 0.5, 0.0),
+                (0.0, 0.29, None),
+                (0.0, 0.49, None),
+                (0.0, 0.5, 0.0),
             ],
             id="a trembling finger does not let go",
         ),

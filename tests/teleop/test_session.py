@@ -284,7 +284,10 @@ def test_an_episode_is_solved_kept_and_followed_by_the_next(tmp_path: Path) -> N
         info = recording.info
         wording = "Carry it!" if number else info.task_instruction
         assert (info.seed, info.split, info.actor, info.instruction) == (
-            *(episode_seed(TASK, number, TRAIN), TRAIN, PERSON, wording),
+            episode_seed(TASK, number, TRAIN),
+            TRAIN,
+            PERSON,
+            wording,
         )
         assert recording.clutch.shape == (len(recording), 2)
         assert recording.success_step == len(recording) - CONTROL_HZ

@@ -253,8 +253,13 @@ ADVERSARIES: dict[str, Way] = {
     "the beam is laid so that it slides off": cheat(1, lay_aslant, **ONE, deed=let_go_on_the_cube),
     "one block waits on the beam, in the hand, for the other one": cheat(
         3,
-        *(LADEN, (lower, LEFT), (pause, 60), (lower, RIGHT)),
-        *((away, RIGHT), (pause, 30), (away, LEFT)),
+        LADEN,
+        (lower, LEFT),
+        (pause, 60),
+        (lower, RIGHT),
+        (away, RIGHT),
+        (pause, 30),
+        (away, LEFT),
         lacks="left_block is there before right_block",
     ),
     **{
@@ -271,7 +276,10 @@ ADVERSARIES: dict[str, Way] = {
     ),
     "a balance held by a gripper": cheat(
         4,
-        *(LADEN, lower, (away, LEFT), (pause, 60)),
+        LADEN,
+        lower,
+        (away, LEFT),
+        (pause, 60),
         deed=held_balance,
         lacks="right arm touches right_block",
     ),

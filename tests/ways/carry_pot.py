@@ -215,7 +215,10 @@ ADVERSARIES: dict[str, Way] = {
     "one arm drags the pot onto the plate": cheat(1, drag, **ONE),
     "one arm pushes it, then the other one drags it": cheat(
         1,
-        *((grasp, RIGHT), (by, RIGHT, {"y": 0.04, "speed": 0.1}), (let_go, RIGHT), drag),
+        (grasp, RIGHT),
+        (by, RIGHT, {"y": 0.04, "speed": 0.1}),
+        (let_go, RIGHT),
+        drag,
         **TURNS,
     ),
     "both lift it once, then one arm drags it": cheat(2, put_back, drag),
@@ -244,8 +247,12 @@ ADVERSARIES: dict[str, Way] = {
     ),
     "one arm lets go above the plate": cheat(
         2,
-        *(lift, over_plate, (pause, 10), (let_go, RIGHT)),
-        *((by, LEFT, {"z": -0.045, "speed": 0.05}), (let_go, LEFT)),
+        lift,
+        over_plate,
+        (pause, 10),
+        (let_go, RIGHT),
+        (by, LEFT, {"z": -0.045, "speed": 0.05}),
+        (let_go, LEFT),
     ),
     "one arm lets go 2 cm above the plate, the other one a moment later": cheat(
         2, (hover, 0.02), (let_go, LEFT), (pause, 10), (let_go, RIGHT)

@@ -134,7 +134,8 @@ ADVERSARIES: dict[str, Way] = {
     **{
         f"the block is dropped into the bowl from {1000 * height:.0f} mm above its rim": cheat(
             3,
-            *(hand_over, (drop_from_above_the_rim, height)),
+            hand_over,
+            (drop_from_above_the_rim, height),
             lacks="when left let cube go: cube is ",
         )
         for height in (0.15, 0.25)

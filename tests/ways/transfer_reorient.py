@@ -115,13 +115,19 @@ cheat = cheats(done, seed=NEAR_BOARD)
 ADVERSARIES: dict[str, Way] = {
     "one arm picks the peg up and inserts it": cheat(
         1,
-        *(PICK, (to, RIGHT, present(BAR, MEETING_POINT, RISE)), (insert_from_beside, RIGHT)),
+        PICK,
+        (to, RIGHT, present(BAR, MEETING_POINT, RISE)),
+        (insert_from_beside, RIGHT),
         **ONE,
     ),
     "the peg is laid on the table for the other arm": cheat(
         1,
-        *(PICK, (bring, RIGHT, "peg", MIDDLE), (drop, RIGHT), (clear_of, RIGHT)),
-        *((pick_bar, OTHER), (to, LEFT, present(OTHER, MEETING_POINT, RISE))),
+        PICK,
+        (bring, RIGHT, "peg", MIDDLE),
+        (drop, RIGHT),
+        (clear_of, RIGHT),
+        (pick_bar, OTHER),
+        (to, LEFT, present(OTHER, MEETING_POINT, RISE)),
         (insert_from_beside, LEFT),
         **TURNS,
     ),

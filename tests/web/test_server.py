@@ -21,8 +21,14 @@ from tests.web.pages import get, open_page, unpack_frame, wait_until
 
 ASSETS = {"/": ("text/html; charset=utf-8", b"<p>page"), "/app.js": ("text/javascript", b"1;" * 99)}
 BROKEN = (
-    *("", "[" * 4000, '{"kind":"ping","x":' + "[" * 4000, '{"kind": 3}', '{"sent": 3}'),
-    *('{"kind": "ping", "sent": "now"}', '{"kind": "fly"}', '{"kind": "select"}'),
+    "",
+    "[" * 4000,
+    '{"kind":"ping","x":' + "[" * 4000,
+    '{"kind": 3}',
+    '{"sent": 3}',
+    '{"kind": "ping", "sent": "now"}',
+    '{"kind": "fly"}',
+    '{"kind": "select"}',
 )
 FUZZED = 10_000
 BIG = 40_000

@@ -196,7 +196,8 @@ def _holder(handle: int) -> str:
     device = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}"
     with suppress(OSError):
         locks = Path("/proc/locks").read_text(encoding="utf-8")
-        if found := re.search(rf"FLOCK .* (\d+) {device}:{status.st_ino} ", locks):
+        found = re.search(rf"FLOCK .* (\d+) {device}:{status.st_ino} ", locks)
+        if found:
             return f"process {found[1]}"
     return "it"
 
@@ -363,7 +364,8 @@ def _decoded(text: bytes | str, kind: type[T], schema: int) -> T:
         raise FileError(f"Schema {actual!r}; this version reads {schema}.")
     is_checked = _is_checked(kind, schema)
     known = {field.name for field in fields(kind)} | ({CHECKSUM} if is_checked else set())
-    if unknown := sorted(document.keys() - known):
+    unknown = sorted(document.keys() - known)
+    if unknown:
         raise FileError(f"Unknown fields: {', '.join(unknown)}.")
     try:
         value = msgspec.convert(document, kind)  # which leaves a key out that is no field

@@ -102,7 +102,8 @@ def as_several(values: Any) -> tuple[Any, ...] | None:
 
 def as_size(value: Any) -> tuple[int, int] | None:
     """Two counts, or one for a square, as height and width in pixels; None for anything else."""
-    if (side := as_count(value)) is not None:
+    side = as_count(value)
+    if side is not None:
         return side, side
     pixels = [as_count(part) for part in as_several(value) or ()]
     match pixels:

@@ -128,7 +128,8 @@ def _about_processor(what: str) -> str | None:
     """What Linux says about the first processor; None where it says nothing."""
     with suppress(OSError):
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
-        if found := re.search(rf"^{what}\s*:\s*(\S.*)$", text, re.MULTILINE):
+        found = re.search(rf"^{what}\s*:\s*(\S.*)$", text, re.MULTILINE)
+        if found:
             return found[1].strip()
     return None
 

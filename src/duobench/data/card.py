@@ -76,7 +76,8 @@ def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
     summary = summarize(data)
     make_folder(folder / PICTURES)
     for task in data.tasks:
-        if sheet := contact_sheet(data, data.episodes(task)[0]):
+        sheet = contact_sheet(data, data.episodes(task)[0])
+        if sheet:
             write(folder / PICTURES / f"{task}.jpg", sheet)
     return {
         "summary": summary,

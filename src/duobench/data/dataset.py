@@ -147,7 +147,8 @@ class DataSet:
             if catalog.id_of(path) == info.task:
                 return path
         reference = catalog.trusted(info.task, info.reference, import_tasks=self.import_tasks)
-        if (found := catalog.get(reference).id) != info.task:
+        found = catalog.get(reference).id
+        if found != info.task:
             raise DataError(f"At {reference} is the task {found!r}, not {info.task!r}.")
         return reference
 

@@ -56,10 +56,12 @@ class ImageSource:
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
         self.set_look(look)
-        if (names := as_several(cameras)) is None:
+        names = as_several(cameras)
+        if names is None:
             raise OptionError(f"cameras is a name, or a list of names; got {cameras!r}.")
         self._cameras = names
-        if (pixels := as_size(size)) is None:
+        pixels = as_size(size)
+        if pixels is None:
             raise OptionError(
                 f"size is (height, width) in pixels, or one number for a square; got {size!r}."
             )

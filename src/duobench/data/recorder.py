@@ -121,7 +121,8 @@ class Recorder(DuoWrapper):
         self._steps_after_success = steps_after_success(after_success)
         self._steps_left = 0  # after success, of an episode that has succeeded
         observed = getattr(env.observation_space, "spaces", {})
-        if missing := [name for name in OBSERVED if name not in observed]:
+        missing = [name for name in OBSERVED if name not in observed]
+        if missing:
             raise DataError(
                 f"The observation lacks {', '.join(missing)}; put the recorder inside wrappers "
                 "that change the observation."

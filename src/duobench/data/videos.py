@@ -220,7 +220,8 @@ class Videos:
         seen = []
         for name, encoder in self._encoders.items():
             encoder.check()
-            if (frame := frames.get(name)) is None:
+            frame = frames.get(name)
+            if frame is None:
                 seen.append(encoder.at(time_s))
             else:
                 encoder.take(frame)

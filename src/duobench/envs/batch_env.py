@@ -288,7 +288,8 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
     def _checked(self, actions: Any) -> Array:
         """Actions (n, 16) as finite numbers, or an error."""
         numbers = spaces.numbers(actions, self._sent.shape)
-        if wrong := np.flatnonzero(~np.isfinite(numbers).all(axis=1)).tolist():
+        wrong = np.flatnonzero(~np.isfinite(numbers).all(axis=1)).tolist()
+        if wrong:
             raise ActionError(
                 f"Actions must be finite, but those of environments {wrong} are not. Nothing was "
                 "moved; the environments wait for other actions."
@@ -306,7 +307,8 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if self._config.object_state:
             numbers = self._base.definition.object_state
             observation[ENVIRONMENT_STATE] = numbers.read(self.simulations)
-        if cameras := self._config.cameras:
+        cameras = self._config.cameras
+        if cameras:
             size = self._config.image_size
             seen = self._rendered(lambda: self._base.backend.images(cameras, size))
             observation[PIXELS] = {name: np.stack([one[name] for one in seen]) for name in cameras}

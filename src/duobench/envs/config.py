@@ -97,7 +97,8 @@ class EnvConfig:
         if self.render_mode is not None and self.render_mode not in RENDER_MODES:
             raise UnknownNameError(f"Unknown render mode {self.render_mode!r}. {RENDERED}")
         for name in _FLAGS:
-            if not isinstance(value := getattr(self, name), bool):
+            value = getattr(self, name)
+            if not isinstance(value, bool):
                 raise OptionError(f"{name} is True or False, got {value!r}.")
         if not isinstance(self.speed_fraction, int | float):
             raise OptionError(f"speed_fraction is a number, got {self.speed_fraction!r}.")

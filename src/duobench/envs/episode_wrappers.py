@@ -59,7 +59,8 @@ class RandomizedReset(DuoWrapper):
         self, env: gym.Env, split: str = EVAL, *, varied_instructions: bool = False
     ) -> None:
         super().__init__(env)
-        if not hasattr(base := base_of(env), "simulation"):
+        base = base_of(env)
+        if not hasattr(base, "simulation"):
             raise TypeError(
                 f"Expected a simulated environment, which lays its objects out, got "
                 f"{type(base).__name__}."
@@ -175,7 +176,8 @@ class TaskStages(DuoWrapper):
 
     def explain_stages(self, on: bool = True) -> None:
         """Be able to say in `unmet` why the next stage is not reached, from the next step on."""
-        if explain := getattr(self.judge, "explain", None):
+        explain = getattr(self.judge, "explain", None)
+        if explain:
             explain(on)
             self._is_explained = on
 

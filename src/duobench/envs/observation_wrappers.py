@@ -61,7 +61,8 @@ class Cameras(ObservingWrapper):
         cameras: Sequence[str] = POLICY_CAMERAS,
         image_size: tuple[int, int] = IMAGE_SIZE,
     ) -> None:
-        if (names := as_several(cameras)) is None:
+        names = as_several(cameras)
+        if names is None:
             raise OptionError(f"cameras is a name, or a list of names; got {cameras!r}.")
         for name in names:
             check_known("camera", name, POLICY_CAMERAS)

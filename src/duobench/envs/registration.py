@@ -186,7 +186,8 @@ def make_vec(
 
 def _spec_with(task: Task | str, options: EnvOptions) -> EnvSpec | str:
     """What Gymnasium makes a task's environment from, of options that it may copy."""
-    if (cameras := as_several(options.get("cameras"))) is not None:
+    cameras = as_several(options.get("cameras"))
+    if cameras is not None:
         options["cameras"] = cameras  # the spec keeps and copies it, so no generator
     if isinstance(task, str) and (known := env_id(catalog.plain(task))) in gym.registry:
         return known

@@ -179,7 +179,8 @@ class SimEnv(DuoEnv):
     def _instruct(self, layout: Layout, number: int = 0) -> str:
         """One of the task's instructions for a layout, whose variants must be complete."""
         for name, choice in self.definition.variants.items():
-            if (value := layout.variants.get(name)) not in choice.options:
+            value = layout.variants.get(name)
+            if value not in choice.options:
                 raise LayoutError(
                     f"Task {self.task!r} has a variant {name!r}, one of "
                     f"{', '.join(choice.options)}; the layout says {value!r}."

@@ -75,7 +75,8 @@ class EpisodeClock:
         self._counts[_STEPS] = steps
         with self._running(_ANSWER):
             yield
-            if late := self.read().late(limits):
+            late = self.read().late(limits)
+            if late:
                 raise late
 
     def read(self) -> ClockReading:

@@ -93,7 +93,8 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
 
     def objection(self, episode: Episode, run: Run, plan: RecordingPlan | None) -> str | None:
         """Why this is not the episode of a run that was to be played; None if it is."""
-        if (wrong := run.objection(self.record, episode)) is not None:
+        wrong = run.objection(self.record, episode)
+        if wrong is not None:
             return f"its record is another one: {wrong}"
         if self.video is not None and not episode.has_video:
             return "it has a video that nobody asked for."

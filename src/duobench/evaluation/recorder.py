@@ -46,7 +46,8 @@ class EpisodeRecorder:
         """Note what the reset sampled, and the state that it led to."""
         self._env, self._info, self._requested = env, info, [base_of(env).requested]
         self._start = _state(env)
-        if stage := info["stage"]:
+        stage = info["stage"]
+        if stage:
             self._stage_changes.append((0, stage))
         env.get_wrapper_attr("explain_stages")()
         self._on_stage()
@@ -65,7 +66,8 @@ class EpisodeRecorder:
             self._requested.append(base.requested)
             self._speed = max(self._speed, joint_speed(base.backend.joint_velocities()))
         self._clipped += bool(step.info["clipped"].any())
-        if (stage := step.info["stage"]) > self.stage:
+        stage = step.info["stage"]
+        if stage > self.stage:
             self._stage_changes.append((step.number, stage))
             self._look()
             self._on_stage()

@@ -113,7 +113,8 @@ def rollout(
         if hashed is None:
             hashed = policy_seed(base_of(env).task, seed, info.get(SPLIT) or EVAL)
         with busy():
-            if expect := getattr(policy, "expect_latency", None):
+            expect = getattr(policy, "expect_latency", None)
+            if expect:
                 expect(execution.latency)
             policy.reset(info["instruction"], hashed)
         for watcher in watching:
@@ -145,7 +146,8 @@ def _steps(
     while True:
         with busy():
             answered = as_chunk(policy.act(observation), action_size)[: execution.execute]
-            if (wanted := getattr(policy, "intended_action", None)) is not None:
+            wanted = getattr(policy, "intended_action", None)
+            if wanted is not None:
                 optional_method(env, "intend")(wanted)
         queue = np.concatenate([waiting, answered])
         chunk, waiting = queue[: len(answered)], queue[len(answered) :]

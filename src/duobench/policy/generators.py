@@ -50,7 +50,8 @@ class _TorchSeeder(MetaPathFinder):
         self.seed = seed
         if self not in sys.meta_path:
             sys.meta_path.insert(0, self)
-        if torch := _torch():
+        torch = _torch()
+        if torch:
             torch.manual_seed(seed % 2**63)
 
 
@@ -77,7 +78,8 @@ Noise = tuple[Any, Any, list[Any]]
 def noise_now() -> Noise:
     """The states at this moment."""
     states = []
-    if torch := _torch():
+    torch = _torch()
+    if torch:
         states = [torch.get_rng_state()]
         states += torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else []
     return random.getstate(), np.random.get_state(), states  # noqa: NPY002

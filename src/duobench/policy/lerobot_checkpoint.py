@@ -100,7 +100,8 @@ def find(checkpoint: str) -> Path:
             f"{checkpoint} holds adapters alone ({ADAPTER}); merge them into the weights of the "
             "base and save the whole policy."
         )
-    if missing := [name for name in (CONFIG, WEIGHTS) if not (folder / name).exists()]:
+    missing = [name for name in (CONFIG, WEIGHTS) if not (folder / name).exists()]
+    if missing:
         last = folder / LAST
         hint = f" Did you mean {Path(checkpoint) / LAST}?" if last.is_dir() else ""
         raise PolicyError(f"{checkpoint} is no LeRobot policy: no {', '.join(missing)}.{hint}")
@@ -110,7 +111,8 @@ def find(checkpoint: str) -> Path:
             f"{checkpoint} was trained on suite {suite}; this version plays suite {SUITE_VERSION}, "
             "whose episodes and scores are others. Train it again."
         )
-    if missing := [name for name in PROCESSORS if not (folder / name).exists()]:
+    missing = [name for name in PROCESSORS if not (folder / name).exists()]
+    if missing:
         raise PolicyError(
             f"{checkpoint} has no {', '.join(missing)}: it was saved by an older LeRobot. Convert "
             "it with LeRobot's module lerobot.processor.migrate_policy_normalization."
@@ -165,7 +167,8 @@ def inputs(
             _, height, width = feature.shape
             shapes[original.get(str(key), str(key))] = height, width
     known = [IMAGE_PREFIX + name for name in POLICY_CAMERAS]
-    if problems := [_with_near_miss(key) for key in shapes if key not in known]:
+    problems = [_with_near_miss(key) for key in shapes if key not in known]
+    if problems:
         raise PolicyError(
             f"The checkpoint sees {'; '.join(problems)}. The cameras are "
             f"{', '.join(known)}: train with these names, or with LeRobot's rename_map from them, "
@@ -198,7 +201,8 @@ def horizon(config: Any) -> int:
 
 def _check_vectors(config: Any) -> None:
     known = {STATE, OBJECT_STATE, *config.image_features}
-    if other := sorted(set(config.input_features or {}) - known):
+    other = sorted(set(config.input_features or {}) - known)
+    if other:
         raise PolicyError(
             f"The checkpoint also sees {', '.join(other)}; there are only {STATE}, {OBJECT_STATE} "
             "and images."
@@ -221,7 +225,8 @@ def state_parts(folder: Path, config: Any) -> tuple[StatePart, ...]:
             f"({FLAT_SIZE},): seven joints and the gripper of the left arm, then of the right one; "
             f"tool poses may follow where {FEATURE_NAMES} or its data set names them."
         )
-    if hidden := [part for part in parts if part not in state_labels.SHOWN]:
+    hidden = [part for part in parts if part not in state_labels.SHOWN]
+    if hidden:
         raise PolicyError(
             f"The checkpoint's {STATE} holds {', '.join(hidden)}, which no environment shows; "
             f"train on an export with {', '.join(state_labels.SHOWN)} at most."
@@ -274,7 +279,8 @@ def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
 
 
 def _names(folder: Path, feature: str) -> list[Any] | None:
-    if beside := read(folder / FEATURE_NAMES):
+    beside = read(folder / FEATURE_NAMES)
+    if beside:
         return beside.get(feature)
     dataset = read(folder / _TRAINING).get("dataset")
     root = dataset.get("root") if isinstance(dataset, Mapping) else None

@@ -97,7 +97,8 @@ def _or_none(convert: Callable[[Any], object], expected: str) -> Callable[[Any],
 
 
 def _names(value: Any) -> tuple[Any, ...]:
-    if (names := as_several(value)) is None:
+    names = as_several(value)
+    if names is None:
         raise TypeError("it is a name, or a list of names")
     return names
 
@@ -214,7 +215,8 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
             "This environment has no configuration to compare with. Make it with duobench.make, or "
             "set `env.unwrapped.config` to a duobench.envs.config.EnvConfig."
         )
-    if problems := [*_differences(metadata, config)]:
+    problems = [*_differences(metadata, config)]
+    if problems:
         size = "" if metadata.image_size is None else f", image_size={metadata.image_size}"
         state = ", object_state=True" if metadata.object_state else ""
         raise PolicyError(

@@ -118,8 +118,11 @@ CHANGES: Mapping[str, tuple[float, Colour]] = {
 """From which height in metres on a part is printed in which other colour."""
 
 FINE = (
-    *("join_blocks/light_block", "join_blocks/dark_block", "join_blocks/wall"),
-    *("transfer_reorient/board", "transfer_reorient/peg"),
+    "join_blocks/light_block",
+    "join_blocks/dark_block",
+    "join_blocks/wall",
+    "transfer_reorient/board",
+    "transfer_reorient/peg",
 )
 """What has chamfers that something finds its way by: finer layers."""
 

@@ -127,9 +127,11 @@ def write_prints(
 
 
 def _check_names(ids: list[str]) -> None:
-    if taken := sorted({name for name in ids if ids.count(name) > 1 or name in (COUPON, JIG)}):
+    taken = sorted({name for name in ids if ids.count(name) > 1 or name in (COUPON, JIG)})
+    if taken:
         raise FabricationError(f"Each folder needs a name of its own, got twice: {taken}.")
-    if odd := [name for name in ids if not _NAME.fullmatch(name)]:
+    odd = [name for name in ids if not _NAME.fullmatch(name)]
+    if odd:
         raise FabricationError(
             f"{odd[0]!r} cannot be the name of a folder; a task's id has letters, digits and _."
         )

@@ -152,7 +152,8 @@ class CanonicalViews:
         found: dict[str, Image] = {}
         for name in names:
             check_known("camera of this rig", name, self._cameras)
-            if (frame := self._cameras[name].latest()) is None:
+            frame = self._cameras[name].latest()
+            if frame is None:
                 raise BackendError(f"The camera {name} has given no image yet.")
             if name not in self._views:
                 config = self._configs[name]

@@ -138,7 +138,8 @@ class PacedClock(VirtualClock):
             self._passed.wait_for(lambda: self._now >= time_s or self._thread is None)
         if self._error is not None:
             raise self._error
-        if (left := time_s - self._now) > 0.0:
+        left = time_s - self._now
+        if left > 0.0:
             time.sleep(left)
             super().wait_until(time_s)
 

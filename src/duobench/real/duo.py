@@ -203,7 +203,8 @@ class FrankaDuo:
         self._controller.disengage()
         for device in (*self.arms.values(), *self.grippers.values(), *self.cameras.values()):
             device.recover()
-        if (fault := self._watchdog.find_fault()) is not None:
+        fault = self._watchdog.find_fault()
+        if fault is not None:
             raise BackendError(f"The rig is not well yet: {fault.text}")
 
     # --- going home ------------------------------------------------------------------------------
@@ -273,7 +274,8 @@ class FrankaDuo:
         end = self.clock.now() + SETTLE_S
         while True:
             self._tick()
-            if (reason := self.held) is not None:
+            reason = self.held
+            if reason is not None:
                 raise BackendError(f"The arms did not get home: {reason}")
             here = self._here()
             off = float(np.max(np.abs(here.joints - HOME_JOINTS)))
@@ -331,7 +333,8 @@ class FrankaDuo:
         last = self.last_command
         within = self._limits.clip(targets, last.flat, self.read().flat, self._velocities)
         sent = paced(last, DuoCommand.from_flat(within), self._tool_speeds)
-        if (fault := self._guard_fault(last.joints, sent.joints)) is not None:
+        fault = self._guard_fault(last.joints, sent.joints)
+        if fault is not None:
             self.hold(fault.text, fault)
             return
         with self._motion:

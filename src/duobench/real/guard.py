@@ -164,7 +164,8 @@ class Guard:
         with self._lock:
             nearest = self.nearest(joints, MARGIN)
             rooms = [(0.0, "") if nearest is None else (min(nearest.room, 0.0), str(nearest))]
-            if (workspace := self._workspace) is not None:
+            workspace = self._workspace
+            if workspace is not None:
                 places = self._at(joints).data.site_xpos
                 room, side = min(
                     (workspace.room(places[site]), side) for side, site in self._tools.items()

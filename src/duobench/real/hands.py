@@ -50,7 +50,8 @@ class Hands:
 
     def check_active(self) -> None:
         """Raise BackendError while one is not active: whatever was asked of it, it would not do."""
-        if inactive := self.inactive:
+        inactive = self.inactive
+        if inactive:
             raise BackendError(
                 f"{_named('gripper', inactive)} not active, and would not move: activate the "
                 "grippers first, with nothing between the fingers."

@@ -74,7 +74,8 @@ class GripperRegisters:
     @property
     def contact(self) -> int:
         """What gOBJ says of the fingers."""
-        if (target := self.target) is None:
+        target = self.target
+        if target is None:
             return AT_GOAL
         if self._is_blocked:
             return STOPPED_CLOSING if target > self.position else STOPPED_OPENING

@@ -174,7 +174,8 @@ class RehearsalWorld:
             objection: str | None = None
             for by_hand in self._attempts(layout):
                 self._put(by_hand, before.data)
-                if (objection := self._objection()) is None:
+                objection = self._objection()
+                if objection is None:
                     break
             else:
                 self._install(before)
@@ -324,7 +325,8 @@ class RehearsalWorld:
         share = sum(data.qpos[self._drivers[index]].tolist()) / (len(FINGERS) * DRIVER_CLOSED)
         gripper.move(low + min(max(share, 0.0), 1.0) * (high - low), self._time)
         hand = self._hands[index]
-        if (target := gripper.target) is not None:
+        target = gripper.target
+        if target is not None:
             data.ctrl[hand] = CTRL_CLOSED * (target - low) / (high - low)
         elif np.abs(data.qvel[self._driver_dofs[index]]).max() > STILL:
             data.ctrl[hand] = CTRL_CLOSED * share  # stop; a grip that rests is kept

@@ -136,7 +136,8 @@ class ArmConfig:
             _check_positive(name, getattr(self, name), most)
         largest = {"stiffness": MOST_STIFFNESS, "torque_threshold": JOINT_TORQUES}
         for name in (*largest, "damping"):
-            if len(values := getattr(self, name)) != ARM_JOINTS:
+            values = getattr(self, name)
+            if len(values) != ARM_JOINTS:
                 raise OptionError(f"{name} is {ARM_JOINTS} numbers, one a joint; got {values}.")
             for number, most in enumerate(largest.get(name, ())):
                 _check_positive(f"{name} of joint {number + 1}", values[number], most)
@@ -262,7 +263,8 @@ class CameraConfig:
             _check_positive("exposure_us", self.exposure_us, 1e6 / self.fps)
         if not (self.gain or 0.0) >= 0.0:
             raise OptionError(f"gain is 0 or more, got {self.gain}.")
-        if (lens := self.calibration) is None:
+        lens = self.calibration
+        if lens is None:
             return
         if not (0.0 <= lens.cx < width and 0.0 <= lens.cy < height):
             raise OptionError(
@@ -326,7 +328,8 @@ class Rig:
                     f"{name}.address is a host name or four numbers, such as 172.16.0.2; got "
                     f"{place!r}."
                 )
-            if (other := names.setdefault(place.casefold(), name)) != name:
+            other = names.setdefault(place.casefold(), name)
+            if other != name:
                 raise OptionError(
                     f"{name}.{key} is {place!r} as for {other}; each device has its own."
                 )
@@ -425,8 +428,10 @@ class Rig:
 
 
 HARDWARE = {
-    *(ArmDriver.FRANKY, GripperDriver.ROBOTIQ),
-    *(CameraDriver.REALSENSE, CameraDriver.UVC),
+    ArmDriver.FRANKY,
+    GripperDriver.ROBOTIQ,
+    CameraDriver.REALSENSE,
+    CameraDriver.UVC,
 }
 """Drivers of what is no simulation."""
 

@@ -75,7 +75,8 @@ class Watchdog:
         """Hold both arms where something is wrong."""
         if self._supervisor.state in {State.OFF, State.FAULTED, State.RECOVERING}:
             return
-        if (fault := self.find_fault()) is not None:
+        fault = self.find_fault()
+        if fault is not None:
             self._hold(fault.text, fault)
 
     def find_fault(self) -> Fault | None:
@@ -102,7 +103,8 @@ class Watchdog:
             reading, streamer = arm.read(), self._controller.streamers[side]
             if reading.fault is not None:
                 return _named(f"The {side} arm", reading.fault)
-            if (age := self._clock.now() - reading.time_s) > MAX_ARM_AGE_S:
+            age = self._clock.now() - reading.time_s
+            if age > MAX_ARM_AGE_S:
                 return _lost(f"The {side} arm has given no reading for {age:.2f} s.")
             if not self._controller.is_engaged:
                 continue
@@ -110,7 +112,8 @@ class Watchdog:
                 return FaultKind.CONTROLLER.fault(
                     f"The {side} arm follows no more commands, and says nothing about why."
                 )
-            if (late := streamer.take_lateness()) > MAX_FREEZE_S:
+            late = streamer.take_lateness()
+            if late > MAX_FREEZE_S:
                 return _lost(f"This computer stood still for {late:.2f} s.")
             if streamer.error is not None:
                 return _lost(f"The {side} arm cannot be told where to be: {streamer.error}")
@@ -121,7 +124,8 @@ class Watchdog:
             reading = gripper.read()
             if reading.fault is not None:
                 return _named(f"The {side} gripper", reading.fault)
-            if (age := self._clock.now() - reading.time_s) > MAX_GRIPPER_AGE_S:
+            age = self._clock.now() - reading.time_s
+            if age > MAX_GRIPPER_AGE_S:
                 return _lost(f"The {side} gripper has not answered for {age:.2f} s.")
         return None
 

@@ -35,7 +35,8 @@ def repeats_text(earlier: Iterable[tuple[str, ...]]) -> str:
         earlier: How the earlier attempts at each episode ended.
     """
     each = list(earlier)
-    if not (repeated := sum(map(bool, each))):
+    repeated = sum(map(bool, each))
+    if not repeated:
         return ""
     counts = Counter(end for ends in each for end in ends)
     why = "; ".join(f"{text} ({counts[end]})" for end, text in ENDS.items() if counts[end])

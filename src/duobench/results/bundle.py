@@ -38,8 +38,14 @@ _NAMES = re.compile(
 )
 _ENTRY = b"PK\x01\x02"  # what each entry of an archive's list of contents begins with
 _DAMAGE = (
-    *(zipfile.BadZipFile, zlib.error, struct.error),
-    *(EOFError, NotImplementedError, OSError, RuntimeError, ValueError),
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+    ValueError,
 )
 """What the libraries raise about an archive that is none."""
 
@@ -175,7 +181,8 @@ def _manifest(parts: dict[str, bytes]) -> Manifest:
     if not {_MANIFEST, DESCRIPTION} <= parts.keys():
         raise FileError(f"It has no {_MANIFEST} or no {DESCRIPTION}.")
     manifest = decode(parts.pop(_MANIFEST), Manifest, BUNDLE_SCHEMA)
-    if different := parts.keys() ^ manifest.parts.keys():
+    different = parts.keys() ^ manifest.parts.keys()
+    if different:
         raise FileError(f"{min(different)} is in its manifest or in it, not in both.")
     for name, content in parts.items():
         if hashlib.sha256(content).hexdigest() != manifest.parts[name]:

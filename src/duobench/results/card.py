@@ -47,7 +47,8 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
             f"{source} is no evaluation of {folder} alone: the version of its policy is "
             f"{version}, which names no file of that folder by its SHA-256."
         )
-    if left := part.size - part.results.overall.episodes:
+    left = part.size - part.results.overall.episodes
+    if left:
         raise EvaluationError(f"{source} lacks {left} of {part.size} episodes: finish it first.")
     bundle = folder / EVALUATION
     if not isinstance(reader, Bundle):

@@ -215,7 +215,8 @@ def overlaid_progress(
     names = [name for name, _ in runs]
     for axes, task in zip(panels, tasks, strict=True):
         for style, (_, results) in zip(_styles(len(runs)), runs, strict=True):
-            if result := results.get(task.id):
+            result = results.get(task.id)
+            if result:
                 axes.step(TIME, result.progress, where="post", linewidth=1.6, **style)
     columns = 1 if max(map(len, names)) > _LONG_NAME else 3
     _add_legend(figure, names, columns)
@@ -239,7 +240,8 @@ def levels(axes: Sequence[str], runs: Sequence[tuple[str, Levels]]) -> Figure:
         panel.set(xlim=(-0.3, LEVELS + 0.3), ylim=(-4, 104))
         panel.grid(axis="y", linewidth=0.4, alpha=0.5)
         for index, (style, (_, reached)) in enumerate(zip(_styles(len(runs)), runs, strict=True)):
-            if scores := reached.get(axis):
+            scores = reached.get(axis)
+            if scores:
                 _plot_levels(panel, scores, style, _APART * (index - (len(runs) - 1) / 2))
     for panel in panels[len(axes) :]:
         panel.set_visible(False)

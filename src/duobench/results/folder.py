@@ -49,9 +49,16 @@ RECORDED = {SUCCESS, FAILURE, ERROR}
 """How attempts end of which there is a record."""
 _WAIT_S = 30.0  # seconds that a writer waits for others, which begin in the folder too
 _REPORT = (
-    *("index.html", "summary.json", "robustness.json", "comparison.json"),
-    *("table.md", "table.csv", "table.tex"),
-    *("figures/stages.svg", "figures/progress.svg", "figures/levels.svg"),
+    "index.html",
+    "summary.json",
+    "robustness.json",
+    "comparison.json",
+    "table.md",
+    "table.csv",
+    "table.tex",
+    "figures/stages.svg",
+    "figures/progress.svg",
+    "figures/levels.svg",
 )
 _RECORD = re.compile(r"records/([^/]+)/([^/]+)/([0-9]+)\.json")
 

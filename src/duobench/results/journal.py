@@ -109,7 +109,8 @@ def read_attempts(entries: Iterable[Entry]) -> dict[Key, tuple[str, ...]]:
     for entry in entries:
         match entry:
             case Begun():
-                if before := found[entry.key].setdefault(entry.attempt, None):
+                before = found[entry.key].setdefault(entry.attempt, None)
+                if before:
                     begun_again[entry.key, entry.attempt] = before
             case Ended():
                 found[entry.key][entry.attempt] = entry

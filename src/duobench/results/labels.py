@@ -60,7 +60,8 @@ class StageLabels:
         found: dict[int, int] = {}
         highest = 0
         for label in sorted(self.standing, key=lambda label: label.step):
-            if (stage := label.stage or 0) > highest:
+            stage = label.stage or 0
+            if stage > highest:
                 found[label.step] = highest = stage  # of two at one step the higher one counts
         return tuple(found.items())
 

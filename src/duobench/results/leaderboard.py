@@ -39,8 +39,14 @@ EPISODES = 100
 """Episodes of each task that count, 0 to 99, as in the paper."""
 CHOSEN_BY_POLICY = frozenset(
     {
-        *("cameras", "image_size", "object_state", "action_mode", "binary_gripper", "chunk"),
-        *("render_mode", "render_size"),
+        "cameras",
+        "image_size",
+        "object_state",
+        "action_mode",
+        "binary_gripper",
+        "chunk",
+        "render_mode",
+        "render_size",
     }
 )
 """Fields of a configuration that are a policy's own affair; all others have their defaults."""
@@ -193,7 +199,8 @@ def make_entry(  # noqa: PLR0913 - what is known of a bundle
     parts = group_by_condition(run, trusted)
     part = next((each for each in parts if each.records), parts[0])
     lacks = _deviations(run, records, SALTED if hosted else EVAL)
-    if unknown := sum(record.key.path not in noted for record in trusted):
+    unknown = sum(record.key.path not in noted for record in trusted)
+    if unknown:
         lacks += (f"of {unknown:,} episodes no attempt is on record",)
     played = {task.id for task in run.suite.tasks}
     tasks = [task for task in find_tasks(()) if task.id in played]
@@ -227,14 +234,16 @@ def _deviations(run: Run, records: Iterable[EpisodeRecord], split: str) -> tuple
         found.append("self-reported: whoever played it may have chosen its salt")
     if run.suite.shifts != (NO_SHIFT,):
         found.append(f"{len(run.suite.shifts)} conditions, not that without a shift alone")
-    if other := other_engine({"mujoco": "an unknown version", **run.versions}):
+    other = other_engine({"mujoco": "an unknown version", **run.versions})
+    if other:
         found.append(other)
     tasks = catalog.names()
     if len(run.suite.tasks) < len(tasks):
         found.append(f"{len(run.suite.tasks)} of {len(tasks)} tasks")
     played = {(record.task, record.episode) for record in records if record.episode < EPISODES}
     expected = EPISODES * len(run.suite.tasks)
-    if lacking := expected - len(played):
+    lacking = expected - len(played)
+    if lacking:
         found.append(f"{lacking:,} of {expected:,} episodes of its tasks are missing")
     return tuple(found)
 

@@ -36,8 +36,16 @@ DOCUMENT = "mixed.json"
 MIXED_SCHEMA = 3
 WHERE = {SIM: "in simulation", REAL: "on real arms"}
 CSV_HEADER = (
-    *("task", "policy", "trained_on", "evaluated_in", "episodes", "successes", "success_rate"),
-    *("wilson_low", "wilson_high", "mean_final_progress"),
+    "task",
+    "policy",
+    "trained_on",
+    "evaluated_in",
+    "episodes",
+    "successes",
+    "success_rate",
+    "wilson_low",
+    "wilson_high",
+    "mean_final_progress",
 )
 
 
@@ -162,7 +170,8 @@ def read_mixed(sources: Sequence[str]) -> MixedTable:
 def _joined(parts: Sequence[RunPart]) -> RunPart:
     """What several evaluations of one training played, each on other tasks, as one."""
     first = parts[0]
-    if len(versions := {part.suite.version for part in parts}) > 1:
+    versions = {part.suite.version for part in parts}
+    if len(versions) > 1:
         raise EvaluationError(
             f"{first.candidate.name} played different suites ({', '.join(sorted(versions))}), "
             "whose scores cannot be added up; take runs of one of them."
@@ -219,7 +228,12 @@ def _latex(table: MixedTable) -> str:
     )
     lines = [
         rf"\begin{{tabular}}{{ll{'c' * len(table.columns)}}}",
-        *(r"\toprule", heads, r"\midrule", *rows, r"\bottomrule", r"\end{tabular}"),
+        r"\toprule",
+        heads,
+        r"\midrule",
+        *rows,
+        r"\bottomrule",
+        r"\end{tabular}",
     ]
     return "\n".join(lines) + "\n"
 
@@ -242,14 +256,18 @@ def _scores(table: MixedTable) -> Iterator[tuple[str, Place, Score]]:
     for row in table.rows:
         name = row.tasks[0].id if row.kind is RowKind.TASK else "all"
         for place in table.entrants:
-            if (found := table.score(row, place)) is not None:
+            found = table.score(row, place)
+            if found is not None:
                 yield name, place, found
 
 
 def _csv(table: MixedTable) -> str:
     lines = [
         [
-            *(task, *place, found.episodes, found.successes),
+            task,
+            *place,
+            found.episodes,
+            found.successes,
             *(f"{number:.6f}" for number in (found.success_rate or 0.0, *found.interval)),
             f"{found.mean_final_progress or 0.0:.6f}",
         ]

@@ -145,7 +145,8 @@ def missing_shards(folder: RunFolder, run: Run) -> str:
     parts: list[str] = []
     for number in range(1, count + 1):
         shard = Shard(number=number, count=count)
-        if lacking := sum(key not in there for key in run.episode_keys(shard)):
+        lacking = sum(key not in there for key in run.episode_keys(shard))
+        if lacking:
             word = "" if shard in writers else ", not begun"
             parts.append(f"shard {shard} ({lacking} episode{'s' if lacking > 1 else ''}{word})")
     more = f", and {len(parts) - _NAMED} more" if len(parts) > _NAMED else ""

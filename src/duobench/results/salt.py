@@ -112,6 +112,7 @@ def read_rounds(path: Path) -> tuple[Round, ...]:
         except EvaluationError as error:
             raise ValueError(str(error)) from error
         names = [each for one in rounds for each in (one.name, one.salt_sha256, *one.bundles)]
-        if twice := {name for name in names if names.count(name) > 1}:
+        twice = {name for name in names if names.count(name) > 1}
+        if twice:
             raise ValueError(f"{min(twice)} is there twice, and belongs to one round")
     return rounds

@@ -133,7 +133,8 @@ class Suite:
             ("task", [task.id for task in self.tasks]),
             ("shift", [shift.name for shift in self.shifts]),
         ):
-            if twice := sorted({name for name in names if names.count(name) > 1}):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
                 raise EvaluationError(
                     f"Named more than once: {', '.join(twice)}. Name each {what} once."
                 )

@@ -37,9 +37,22 @@ _LATEX = str.maketrans(
 )
 _MARKDOWN = str.maketrans({char: f"\\{char}" for char in "\\`*_[]<>|"})
 CSV_HEADER = (
-    *("kind", "category", "row", "key", "name", "group", "policy_version", "suite_version"),
-    *("episodes", "successes", "success_rate", "wilson_low", "wilson_high"),
-    *("mean_final_progress", "best_of_group", "note"),
+    "kind",
+    "category",
+    "row",
+    "key",
+    "name",
+    "group",
+    "policy_version",
+    "suite_version",
+    "episodes",
+    "successes",
+    "success_rate",
+    "wilson_low",
+    "wilson_high",
+    "mean_final_progress",
+    "best_of_group",
+    "note",
 )
 """Columns of the table as CSV, one line for each policy in each row."""
 
@@ -106,7 +119,8 @@ def verdict(pair: Pair) -> str:
     beats = "solves more than" if pair.crosses_groups else "is better than"
     found: list[str] = []
     for better, who, other in ((1, a, b), (-1, b, a)):
-        if won := [test.row.label for test in tests if test.better == better]:
+        won = [test.row.label for test in tests if test.better == better]
+        if won:
             found.append(f"{who} {beats} {other} in {_share(won, tests)}")
     if not found:
         found.append(f"{a} and {b} cannot be told apart in {_share([], tests)}")
@@ -223,17 +237,25 @@ def csv_rows(comparison: RunComparison) -> list[list[object]]:
     for row in comparison.rows:
         name = row.tasks[0].id if row.kind is RowKind.TASK else row.label
         for one in comparison.entrants:
-            if (cell := one.cell(row.tasks)) is None:
+            cell = one.cell(row.tasks)
+            if cell is None:
                 continue
             part, digits = one.part, ".6g" if cell.interval else ".2f"
             interval = [f"{end:.6g}" for end in cell.interval] if cell.interval else ["", ""]
             lines.append(
                 [
-                    *(row.kind, row.category, name, one.key, one.name, one.group),
+                    row.kind,
+                    row.category,
+                    name,
+                    one.key,
+                    one.name,
+                    one.group,
                     part.candidate.metadata.version or "" if part else "",
                     part.suite.version if part else "",
-                    *(cell.episodes, "" if cell.successes is None else cell.successes),
-                    *(f"{cell.rate:{digits}}", *interval),
+                    cell.episodes,
+                    "" if cell.successes is None else cell.successes,
+                    f"{cell.rate:{digits}}",
+                    *interval,
                     "" if cell.progress is None else f"{cell.progress:{digits}}",
                     int(comparison.is_best(row, one)),
                     "" if part else Group.ELSEWHERE.value,

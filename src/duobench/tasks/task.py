@@ -133,7 +133,8 @@ class Task:
                 f"got {self.horizon!r}."
             )
         names = [prop.name for prop in self.props]
-        if twice := [name for name, count in Counter(names).items() if count > 1]:
+        twice = [name for name, count in Counter(names).items() if count > 1]
+        if twice:
             raise TaskError(
                 f"Task {self.id!r} has several props called {', '.join(map(repr, twice))}; give "
                 "each a name of its own."

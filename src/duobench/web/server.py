@@ -83,7 +83,8 @@ class Peer:
         """What is still to be sent, by its place."""
         self._changed = asyncio.Event()
         self._next_frame = 0.0
-        if raw := connection.transport.get_extra_info("socket"):
+        raw = connection.transport.get_extra_info("socket")
+        if raw:
             with suppress(OSError):
                 raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
 
@@ -313,7 +314,8 @@ class PageServer:
             return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
         if url.path == SOCKET_PATH:
             return self._rejection(connection, request)
-        if (found := self._shown(url.path)) is not None:
+        found = self._shown(url.path)
+        if found is not None:
             return _found(*found, request)
         return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")
 

@@ -88,6 +88,13 @@ def test_columns_of_numbers_are_never_cut(width: int) -> None:
     out = io.StringIO()
     Console(file=out, width=width, soft_wrap=True).print(rows)
     assert re.sub(r"[─\s]+", " ", out.getvalue()).split() == [
-        *("Task", "Median", "99", "%", "Horizon"),
-        *("transfer_reorient", "133", "138", "505"),
+        "Task",
+        "Median",
+        "99",
+        "%",
+        "Horizon",
+        "transfer_reorient",
+        "133",
+        "138",
+        "505",
     ]

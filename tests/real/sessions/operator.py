@@ -143,7 +143,12 @@ class Stand:
         chosen: dict[str, Any] = {"rater": "operator", "silence_s": 60.0} | options
         try:
             self.session = TrialsSession(
-                *(self.folder, self.duo, task or short_task(), policies, self.server, self.ending),
+                self.folder,
+                self.duo,
+                task or short_task(),
+                policies,
+                self.server,
+                self.ending,
                 **chosen,
             )
         except DuoBenchError:

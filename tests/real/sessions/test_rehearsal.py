@@ -61,7 +61,8 @@ def test_records_of_a_rehearsal_hold_what_the_operator_meant(task: str, tmp_path
     horizon = rehearsed.learn(task, seeds) + AFTER
     (info,) = find_tasks([task])
     stand = Stand(
-        *(tmp_path / "trials", rehearsed.POLICIES),
+        tmp_path / "trials",
+        rehearsed.POLICIES,
         rig=quick_rig(),
         task=replace(info, horizon=horizon),
         episodes=EPISODES,

@@ -130,7 +130,8 @@ def stand_at(path: Path, rig: Rig) -> Stand:
     seeds = [episode_seed(TASK, number, EVAL) for number in range(EPISODES)]
     horizon = rehearsed.learn(TASK, seeds) + AFTER
     return Stand(
-        *(path, rehearsed.POLICIES[:1]),
+        path,
+        rehearsed.POLICIES[:1],
         rig=rig,
         task=replace(info, horizon=horizon),
         episodes=EPISODES,
@@ -194,9 +195,7 @@ def test_two_days(tmp_path: Path) -> None:
 
 def test_a_page_that_freezes_while_the_arms_go_home_holds_them(tmp_path: Path) -> None:
     """In real time: the last sign is that the arms shall go home."""
-    stand = Stand(
-        *(tmp_path / "trials", rehearsed.POLICIES[:1]), clock=SystemClock(), silence_s=2.0
-    )
+    stand = Stand(tmp_path / "trials", rehearsed.POLICIES[:1], clock=SystemClock(), silence_s=2.0)
     held: list[str] = []
     put(stand.duo, HOME_JOINTS + np.array([0.8, 0, 0, 0, 0, 0, 0]))
 

@@ -108,7 +108,10 @@ def test_undone_presses_stay(whole: Whole) -> None:
     assert record.judged is not None
     presses = record.judged.presses
     assert [(press.stage, press.step) for press in presses] == [
-        *((3, 0), (None, toys.CHUNK), (1, toys.CHUNK), (2, 2 * toys.CHUNK))
+        (3, 0),
+        (None, toys.CHUNK),
+        (1, toys.CHUNK),
+        (2, 2 * toys.CHUNK),
     ]
     assert record.stage_changes == ((toys.CHUNK, 1), (2 * toys.CHUNK, 2))
     logged = [
@@ -171,7 +174,9 @@ def test_mixed_table(whole: Whole, tmp_path: Path) -> None:
     table = read_mixed(sources)
     places = list(table.entrants)
     assert [tuple(place) for place in places] == [
-        *(("", "sim", "sim"), ("", "sim", "real"), ("", "mixed", "real"))
+        ("", "sim", "sim"),
+        ("", "sim", "real"),
+        ("", "mixed", "real"),
     ]
     (row,) = table.rows  # of one task, all of them would be the same
     simulated = table.score(row, places[0])

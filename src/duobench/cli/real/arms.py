@@ -119,7 +119,8 @@ def grippers(
 
 def _activate(duo: FrankaDuo) -> None:
     """Activate grippers that are not active or well, once the operator has said so."""
-    if asleep := duo.hands.to_activate:
+    asleep = duo.hands.to_activate
+    if asleep:
         which = " and ".join(asleep)
         _confirm(
             f"To be activated: {which}. Is nothing between the fingers? They move.", "activate"
@@ -324,7 +325,8 @@ def _show_report(report: TrialsReport) -> None:
         )
     for verdict in report.verdicts:
         say(verdict)
-    if invalid := sum(count for _, count in report.invalid):
+    invalid = sum(count for _, count in report.invalid)
+    if invalid:
         say(f"{counted(invalid, 'invalid trial')}, played again; the report says why.")
     if report.missing:
         say(f"{counted(report.missing, 'trial')} still to be played; the same command goes on.")

@@ -27,7 +27,8 @@ def check(file: tyro.conf.Positional[str]) -> None:
         file: The rig's file, rig.json, or simulated or rehearsal.
     """
     known = known_rig(file)
-    if problem := Guard(known.workspace, known.obstacles).problem(HOME_JOINTS):
+    problem = Guard(known.workspace, known.obstacles).problem(HOME_JOINTS)
+    if problem:
         raise AdvisedError(
             f"The arms cannot be at home beside what {file} says is in the way: {problem} Put its "
             "obstacles where they are, or leave them out."

@@ -152,7 +152,8 @@ class KeyTerminal:
             keys = cut + said
             cut = found[0] if (found := _CUT.search(keys)) else ""
             for key in _SEQUENCE.sub("", keys.removesuffix(cut)) if said else [""]:
-                if (call := self._call) is not None:
+                call = self._call
+                if call is not None:
                     call(key)
                 self._keys.put(key)
             if not said:

@@ -9,8 +9,15 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 _ELSEWHERE: Mapping[str, str] = {"out": "DIR", "server": "URL", "key_file": "FILE", "salt": "FILE"}
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
 _NO_MATTER = (
-    *("workers", "retry_broken", "wait", "watch", "watch_port"),
-    *("executor", "address", "policy_gpus", "shard"),
+    "workers",
+    "retry_broken",
+    "wait",
+    "watch",
+    "watch_port",
+    "executor",
+    "address",
+    "policy_gpus",
+    "shard",
 )
 """Options that no result depends on."""
 

@@ -131,7 +131,8 @@ def _instead(name: str, flags: Collection[str], help_of: str) -> str:
     known = [text for others, text in INSTEAD.items() if plain in others.split()]
     if known and not any(flag.startswith(name) for flag in flags):
         return known[0]
-    if near := _near(name, flags):
+    near = _near(name, flags)
+    if near:
         return f"Did you mean {near}?"
     return f"There are: {', '.join(flags)}." if 0 < len(flags) < MANY else f"{help_of} lists them."
 

@@ -142,7 +142,8 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool
         say(f"{problem.path}: {problem.what}")
     with suppress(FileError):  # which is among the problems
         for task, each in compared(source).items():
-            if words := str(each):
+            words = str(each)
+            if words:
                 say(f"{task}, {AS_NOTED}: {words}")
     episodes = counted(len(source.episodes()), "episode")
     say(f"{episodes}, {counted(len(problems), 'problem')}")

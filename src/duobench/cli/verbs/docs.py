@@ -49,7 +49,8 @@ def pages() -> dict[str, Path]:
         DuoBenchError: They are not where an installation or a clone has them.
     """
     for folder in (INSTALLED, CLONED):
-        if found := [page for drawer in DRAWERS for page in sorted((folder / drawer).glob("*.md"))]:
+        found = [page for drawer in DRAWERS for page in sorted((folder / drawer).glob("*.md"))]
+        if found:
             return {page.stem: page for page in found}
     raise DuoBenchError(
         f"There are no pages in {INSTALLED}; a wheel of DuoBench has them, and so has a clone of "

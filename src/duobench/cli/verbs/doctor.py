@@ -76,7 +76,8 @@ def doctor(out: Path | None = None) -> None:
     Args:
         out: Folder of the run, which need not be there; the current folder if none is named.
     """
-    if problem := unsupported():
+    problem = unsupported()
+    if problem:
         say(problem, style="red")
         sys.exit(1)
     failed = 0
@@ -274,7 +275,8 @@ def examine_rig(
     written = write_checks(out, duo.rig.name, duo.rig.hash, checks)
     _show(checks)
     say(f"Written to {written}")
-    if failed := sum(check.outcome == "failed" for check in checks):
+    failed = sum(check.outcome == "failed" for check in checks)
+    if failed:
         say(f"{counted(failed, 'check')} failed.", style="bold red")
         sys.exit(1)
 

@@ -125,7 +125,8 @@ def _kept_and_failed(attempts: Sequence[Attempt]) -> str:
         f"{counted(len(kept), 'episode')}, {steps} steps until success, after which frames are "
         f"still recorded (--after-success); {more} more did not succeed."
     ]
-    if unsolved := len(failed) - more:
+    unsolved = len(failed) - more
+    if unsolved:
         lines.append(f"{unsolved} of the episodes did not succeed.")
     lines += [
         f"{attempt.task}, episode {attempt.episode} ended at stage {attempt.stage}"

@@ -84,7 +84,8 @@ def report(
     if videos or replays:
         impossible = _make_chosen(folder, parts, videos, replays, import_tasks)
         write_report(folder, elsewhere)
-    if missing := missing_shards(folder, parts[0].run):
+    missing = missing_shards(folder, parts[0].run)
+    if missing:
         say(missing)
     say(f"Report: {relative(folder.page)}")
     if impossible:
@@ -97,7 +98,8 @@ def _tell_missing(reader: RunReader) -> None:
 
     trials, run = TrialsFolder(reader.path.parent), reader.read_run()
     is_of_trials = run.is_real and trials.run.path == reader.path and trials.description.exists()
-    if missing := trials.compared() if is_of_trials else reader.removed(run):
+    missing = trials.compared() if is_of_trials else reader.removed(run)
+    if missing:
         say(missing)
 
 
@@ -186,7 +188,8 @@ def _compare_shifts(runs: tuple[str, ...], out: Path) -> bool:
     ]
     if not under_shifts:
         return False
-    if others := [run for run in runs if run not in under_shifts]:
+    others = [run for run in runs if run not in under_shifts]
+    if others:
         raise AdvisedError(
             f"{others[0]} is not played under several shifts, as others are. Compare one of their "
             f"conditions with it, such as {under_shifts[0]}@none."
@@ -271,7 +274,8 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
         say(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
     if found.unnoted:
         say(f"Of {counted(found.unnoted, 'episode')} no attempt is on record.")
-    if pages := found.compared_in_numbers:
+    pages = found.compared_in_numbers
+    if pages:
         say(f"Of other software, or without its journals, so in numbers alone: {', '.join(pages)}.")
     if found.parts:
         say(verified_table(found.parts))
@@ -307,7 +311,8 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     manifest = write_bundle(reader, path)
     if manifest.missing:
         say(f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}.")
-    if repeats := repeats_text(ends[:-1] for ends in manifest.attempts.values()):
+    repeats = repeats_text(ends[:-1] for ends in manifest.attempts.values())
+    if repeats:
         say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
     say(f"SHA-256: {digest_of(path)}")

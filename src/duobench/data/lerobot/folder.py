@@ -217,7 +217,8 @@ class ExportFolder:
             for path in self.path.glob(pattern)
             if path.is_file()
         }
-        if surplus := sorted(there - known):
+        surplus = sorted(there - known)
+        if surplus:
             raise OtherRunError(
                 f"{surplus[0]} is of no episode of this export, which has {len(numbers)}, and "
                 f"readers would take it for one; files too many: {len(surplus)}. Remove them."

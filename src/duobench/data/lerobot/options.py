@@ -76,7 +76,8 @@ _set = object.__setattr__  # of what is frozen
 
 def _words(kind: str, given: str | Iterable[str], known: Iterable[str]) -> tuple[str, ...]:
     """Words that are known, of one or several."""
-    if (words := as_several(given)) is None:
+    words = as_several(given)
+    if words is None:
         raise DataError(f"One {kind} is taken, or a list of them; got {given!r}.")
     for word in words:
         check_known(kind, word, [*map(str, known)])
@@ -85,7 +86,8 @@ def _words(kind: str, given: str | Iterable[str], known: Iterable[str]) -> tuple
 
 def _checked_size(given: object) -> tuple[int, int]:
     """Height and width in pixels that a camera gives and a video has."""
-    if (size := as_size(given)) is None:
+    size = as_size(given)
+    if size is None:
         raise DataError(
             f"Images have a size (height, width) in pixels, or one number; got {given!r}."
         )

@@ -83,7 +83,8 @@ def make_leaderboard(
         The leaderboard, and its first page.
     """
     files = filter(Path.is_file, folder.glob("*"))
-    if not (paths := sorted(path for path in files if path.suffix.lower() == ".zip")):
+    paths = sorted(path for path in files if path.suffix.lower() == ".zip")
+    if not paths:
         raise EvaluationError(f"There is no bundle in {folder}: no file whose name ends in .zip.")
     rounds = read_rounds(folder / ROUNDS) if (folder / ROUNDS).exists() else ()
     begin_site(out)
@@ -125,7 +126,8 @@ def _entry(
     if _digest(path) != digest:
         raise _RefusedError("It was changed while it was read.")
     run = bundle.read_run()
-    if foreign := run.suite.foreign:
+    foreign = run.suite.foreign
+    if foreign:
         raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
     if len(run.candidates) > 1:
         raise _RefusedError("It holds several policies; a bundle of a leaderboard holds one.")
@@ -141,7 +143,8 @@ def _entry(
     about = hosted and hosted.name, bundle.commands(), bundle.attempts(), encode(run, RUN_SCHEMA)
     texts = [json.dumps(about), *(encode(record, RECORD_SCHEMA) for record in records)]
     content = hashlib.sha256("\n".join(texts).encode()).hexdigest()
-    if twin := runs.get(content):
+    twin = runs.get(content)
+    if twin:
         raise _RefusedError(f"It holds the same run as {twin}.")
     kept = out / VERDICTS / f"{digest}.json"
     judgement = _known(kept, bundle.salt)

@@ -145,7 +145,8 @@ class RecordPlayer(Player):
         if record.horizon != task.horizon or config.horizon is not None:
             claimed = config.horizon or record.horizon
             raise EvaluationError(f"The horizon is {claimed}, that of the task is {task.horizon}.")
-        if (targets := record.targets()) is None:
+        targets = record.targets()
+        if targets is None:
             raise EvaluationError("There are no joint targets.")
         episode = Episode(task=task, index=record.episode, split=config.split, shift=config.shift)
         episode = replace(episode, salted=self._run.seeds(record))

@@ -169,7 +169,8 @@ class _Renderer:
         progress(len(there), len(records))
         for record in sorted(missing, key=lambda record: places[record.task]):
             try:
-                if reason := why_not(record):
+                reason = why_not(record)
+                if reason:
                     raise EvaluationError(reason)
                 make(record)
                 made.append(record)
@@ -184,7 +185,8 @@ class _Renderer:
         picture = Picture(self._player.task(record), is_seen=self._chunk is not None)
         recorder = VideoRecorder(overview.image, picture)
         self._replay(record, recorder, has_images=True)
-        if video := recorder.video():
+        video = recorder.video()
+        if video:
             write(self._folder.video(record.key), video)
 
     def make_replay(self, record: EpisodeRecord) -> None:
@@ -197,7 +199,8 @@ class _Renderer:
     def _replay(self, record: EpisodeRecord, watcher: Watcher, *, has_images: bool = False) -> None:
         chunk = (self._chunk or FRAME_EVERY) if has_images else None
         replay = self._player.replay(record, [watcher], has_images=has_images, chunk=chunk)
-        if found := disagreements(record, replay):
+        found = disagreements(record, replay)
+        if found:
             raise EvaluationError(f"Played again here it comes out differently: {found[0]}.")
 
     def close(self) -> None:

@@ -160,12 +160,14 @@ class RunSource:
     def load(self, item: str) -> Trajectory:
         """Play the targets of a record, and collect the poses."""
         record = self.records[item]
-        if reason := why_not(record):
+        reason = why_not(record)
+        if reason:
             raise EvaluationError(f"{reason} {record.reason}".rstrip())
         recorder = TrajectoryRecorder(self._scenes, self._look)
         replay = self._player.replay(record, [recorder])
         notes = [record.reason] if record.error else [record.missing] if record.missing else []
-        if found := disagreements(record, replay):
+        found = disagreements(record, replay)
+        if found:
             notes.append(f"Played again here it comes out differently: {'; '.join(found)}.")
         return recorder.trajectory(" ".join(notes))
 

@@ -37,8 +37,17 @@ TOLERANCE = 1e-6
 """Difference of a pose that another processor may make, in metres or in parts of a quaternion."""
 LONGEST_CLAIM = 120
 _OUTCOME = (
-    *("seed", "horizon", "max_stage", "steps", "stage_changes", "final_stage", "success"),
-    *("success_at_end", "terminated", "truncated", "instruction"),
+    "seed",
+    "horizon",
+    "max_stage",
+    "steps",
+    "stage_changes",
+    "final_stage",
+    "success",
+    "success_at_end",
+    "terminated",
+    "truncated",
+    "instruction",
 )
 
 
@@ -145,7 +154,8 @@ def verify(
             findings[key] = _finding(key, Verdict.CONTRADICTED, str(error))
             continue
         records.append(record)
-        if wrong := _other_versions(run, record) or _other_attempts(attempts, record):
+        wrong = _other_versions(run, record) or _other_attempts(attempts, record)
+        if wrong:
             findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
         elif reason := unknown.get(record.task) or why_not(record):
             findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)

@@ -217,7 +217,8 @@ class Viewer:
             "selected": self._selected,
             "note": self._note,
         }
-        if (shown := self._shown) is not None:
+        shown = self._shown
+        if shown is not None:
             status |= {
                 "task": shown.task,
                 "instruction": shown.instruction,

@@ -201,7 +201,8 @@ def _report(folder: RunFolder, shard: Shard) -> list[Key]:
 
 def _check_complete(folder: RunFolder, ours: Set[Key], there: Sequence[Key]) -> None:
     """Reject a folder in which records of a shard are missing that were played."""
-    if missing := ours - set(there):
+    missing = ours - set(there)
+    if missing:
         raise EvaluationError(
             f"{len(missing)} of {len(ours)} records are missing from {folder.path} although "
             "their episodes were played: somebody has removed them. Run the evaluation again: it "

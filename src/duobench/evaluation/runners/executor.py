@@ -457,14 +457,16 @@ class ProcessExecutor:
         if worker.policy or self._job.policy.server:  # which says itself that it is late, or gone
             limits = replace(limits, act_timeout=float("inf"))
         clock = worker.process.clock()
-        if late := clock.late(limits):
+        late = clock.late(limits)
+        if late:
             (episode,) = self._remove(worker)
             yield self._failed(worker, episode, late)
         elif clock.episode_s > limits.episode_timeout + GRACE_S:
             yield from self._lose(worker, "the simulation did not come back within the time limit.")
 
     def _failed(self, worker: Worker, episode: Episode, error: PolicyError) -> EpisodeResult:
-        if record := self._at_horizon.pop(episode, None):
+        record = self._at_horizon.pop(episode, None)
+        if record:
             return EpisodeResult(record=record)
         record = worker.progress or self._unknown(episode)
         # The clock is shared memory, and nonsense in it must not end the run.

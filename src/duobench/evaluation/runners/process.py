@@ -275,7 +275,8 @@ def run_child(connection: int, kind: Any, do: Callable[[Any, Parent, Requests], 
     watch_parent(os.getppid(), end_group)
     threading.Thread(target=_listen, args=(parent, requests), daemon=True).start()
     try:
-        if not isinstance(job := requests.get(), Stop):
+        job = requests.get()
+        if not isinstance(job, Stop):
             do(job, parent, requests)
     except DuoBenchError as error:
         parent.report(ProcessFailed(error=type(error).__name__, message=escaped(str(error))))

@@ -50,7 +50,8 @@ def check_environment() -> None:
     """Reject an environment without Ray, or without a token."""
     if importlib.util.find_spec("ray") is None:
         raise EvaluationError(f"Ray is not installed. {install_extra('ray')}")
-    if (mode := auth_mode()) != TOKEN:
+    mode = auth_mode()
+    if mode != TOKEN:
         raise EvaluationError(
             f"{AUTH_MODE} is {mode or 'not set'}. A cluster without a token lets anybody who "
             f"reaches it run code on it, and Ray listens at all interfaces: start every node, and "
@@ -81,7 +82,8 @@ class RayLauncher:
         ray = load()
         if not ray.is_initialized():
             self._connect(ray)
-        if lacking := self._lacking(ray):
+        lacking = self._lacking(ray)
+        if lacking:
             _log.warning("No node of the cluster has %s yet; waiting for one.", lacking)
 
     def _connect(self, ray: Any) -> None:
@@ -125,7 +127,8 @@ class RayLauncher:
     def wait(self, processes: Sequence[Any], seconds: float) -> Sequence[Any]:
         """Wait until processes have said something, or the time is over; those that have."""
         if not any(process.has_said for process in processes):
-            if expected := [process.status for process in processes]:
+            expected = [process.status for process in processes]
+            if expected:
                 load().wait(expected, timeout=seconds)
             else:
                 time.sleep(seconds)

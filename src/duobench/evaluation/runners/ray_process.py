@@ -100,7 +100,8 @@ class RemoteProcess:
         self._said: list[bytes] = []
         self._most = POLICY_BYTES if is_reached else RESULT_BYTES
         self._reading = threading.Lock()
-        if reason := _objection(version):
+        reason = _objection(version)
+        if reason:
             self._said = [msgspec.json.encode(ProcessFailed(EvaluationError.__name__, reason))]
             return
         if renderers:
@@ -157,7 +158,8 @@ def _may_wait(message: bytes) -> bool:
 
 def _objection(version: str) -> str:
     """Why nothing is played on this node; empty if it is as it must be."""
-    if (mode := auth_mode()) != TOKEN:
+    mode = auth_mode()
+    if mode != TOKEN:
         return (
             f"A node of the cluster was started with {AUTH_MODE}={mode or '(nothing)'}, so that "
             f"anybody who reaches it can run code on it. Start every node with {AUTH_MODE}={TOKEN}."
@@ -185,7 +187,8 @@ def choose_once(node: str, renderers: int) -> str:
     with path.open("a+", encoding="utf-8") as file:
         fcntl.flock(file, fcntl.LOCK_EX)  # until the first has chosen; closing frees it
         file.seek(0)
-        if (known := file.read().strip()) in BACKENDS:
+        known = file.read().strip()
+        if known in BACKENDS:
             os.environ[CHOSEN] = known
             return known
         backend = choose(processes=renderers)

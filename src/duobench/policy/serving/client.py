@@ -104,7 +104,8 @@ class OpenpiPolicy(ConnectedPolicy):
             self._request(connection, message, is_text=is_text)
 
     def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
-        if (message_format := self._server.message_format) is not None:
+        message_format = self._server.message_format
+        if message_format is not None:
             request = message_format.request(observation, self._instruction)
             answer = self._request(connection, {**request, **self._added})
             return message_format.chunk(actions_of(answer, message_format.actions.key))

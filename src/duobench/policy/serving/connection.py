@@ -291,7 +291,8 @@ def actions_of(answer: Any, key: str) -> Any:
         return answer
     if not isinstance(answer, dict):
         raise PolicyError(f"The policy's server answers with a {type(answer).__name__}, no map.")
-    if isinstance(kind := answer.get("type"), str) and kind == "error":
+    kind = answer.get("type")
+    if isinstance(kind, str) and kind == "error":
         raise reported(str(answer.get("message")))
     if key not in answer:
         known = escaped(", ".join(sorted(answer)))[:_LONGEST_LIST] or "nothing"

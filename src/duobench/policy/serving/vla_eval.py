@@ -160,7 +160,8 @@ class VlaEvalPolicy(ConnectedPolicy):
             declared = msgspec.convert(hello, Declared)
         except msgspec.ValidationError as error:
             raise ServingError(f"The server describes its policy wrongly: {error}.") from error
-        if problems := [*contradictions(declared, self._format)]:
+        problems = [*contradictions(declared, self._format)]
+        if problems:
             raise ServingError(
                 f"The server and the format contradict each other: {'; '.join(problems)}. Use a "
                 "format that says what this server does, or a server that was made for this one."

@@ -281,11 +281,12 @@ def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | No
     now: dict[str, object] = {"policy": kind, "data set": str(source.path)}
     if rows is not None:  # else no task is named; an option of LeRobot may have chosen some
         now["episodes"] = rows
-    if changed := [
+    changed = [
         f"{name}: {fact!s:.200}, was {'all' if facts[name] is None else facts[name]!s:.200}"
         for name, fact in now.items()
         if fact != facts[name]
-    ]:
+    ]
+    if changed:
         raise OtherRunError(
             f"{out} holds another training; this one differs in {'; '.join(changed)}."
         )
@@ -310,13 +311,15 @@ class LearningData:
             raise DataError(
                 f"{path} has LeRobot's format {info.get('codebase_version')}; {FORMAT} is needed."
             )
-        if lost := self._lost(info.get("total_episodes") or 0):
+        lost = self._lost(info.get("total_episodes") or 0)
+        if lost:
             raise DataError(
                 f"{path / lost[0]} is not as the export left it; such files: {len(lost)}. Export "
                 "again: the same command goes on and writes what is missing."
             )
         self._features = info.get("features") or {}
-        if problems := list(_problems(info, self._features)):
+        problems = list(_problems(info, self._features))
+        if problems:
             raise DataError(
                 f"Nothing that plays here can be learned from {path}: {' '.join(problems)}"
             )

@@ -93,7 +93,8 @@ def examine(
 def _arm_checks(measured: _Measurement) -> Iterator[Check]:
     duo, seconds = measured.duo, measured.seconds
     is_confirmed = duo.supervisor.is_confirmed
-    if (reason := measured.trouble or duo.held) is not None:
+    reason = measured.trouble or duo.held
+    if reason is not None:
         yield Outcome.FAILED.of("holding", reason)
     elif not is_confirmed:
         yield Outcome.SKIPPED.of("holding", "the operator has not confirmed")
@@ -148,14 +149,16 @@ def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> I
     lost = frames[-1] - frames[0] + 1 - len(frames) if frames else 0
     value = f"{rate:.1f} images a second of {config.fps}, {lost} lost"
     is_slow = rate < LEAST_RATE * config.fps - 1.0 / max(measured.seconds, 0.1)
-    if usb := getattr(camera, "usb", ""):
+    usb = getattr(camera, "usb", "")
+    if usb:
         value += f", USB {usb}"
     is_old = bool(usb) and float(usb.split()[0]) < 3.0  # noqa: PLR2004 - USB 3
     advice = (
         "Plug it in again, quickly, into a USB 3 port of its own, with a short cable and without a "
         "hub."
     )
-    if is_rare := config.fps * MAX_IMAGE_AGE_SECONDS < 1.0:
+    is_rare = config.fps * MAX_IMAGE_AGE_SECONDS < 1.0
+    if is_rare:
         advice = f"Arms rest where an image is older than {MAX_IMAGE_AGE_SECONDS:g} s: raise fps."
     yield Outcome.FAILED.unless(not (is_slow or is_old or is_rare), title, value, advice)
     if config.driver in {CameraDriver.SIMULATED, CameraDriver.REHEARSAL, CameraDriver.FILE}:
@@ -247,7 +250,8 @@ def _drift_check(duo: FrankaDuo, reference: Image | None) -> Check:
 def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
     """Say whether left and right are swapped, by the torques of both arms at rest."""
     name = "left and right arm"
-    if (found := misfits(readings)) is None:
+    found = misfits(readings)
+    if found is None:
         return Outcome.SKIPPED.of(name, "the arms feel no torques")
     own, other = found
     value = ", ".join(

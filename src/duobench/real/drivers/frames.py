@@ -93,7 +93,8 @@ class LatestFrame(ABC):
             )
         image.setflags(write=False)
         self._frame = frame = Frame(index=index, time_s=time_s, image=image)
-        if (call := self._call) is not None:
+        call = self._call
+        if call is not None:
             call(frame)
 
 
@@ -197,7 +198,8 @@ class ThreadedCamera(LatestFrame):
             self._open()
             self.begin()
             while not self._is_closing.is_set():
-                if (news := self._wait()) is not None:
+                news = self._wait()
+                if news is not None:
                     self.publish(*news)
                     self._has_begun.set()
         except BackendError as error:

@@ -8,10 +8,14 @@ from duobench.results.labels import Fault, FaultKind
 
 _CONTACT = ("joint_reflex", "cartesian_reflex")
 _LIMIT = (
-    *("joint_position_limits_violation", "cartesian_position_limits_violation"),
-    *("self_collision_avoidance_violation", "power_limit_violation"),
-    *("joint_velocity_violation", "cartesian_velocity_violation"),
-    *("joint_move_in_wrong_direction", "force_control_safety_violation"),
+    "joint_position_limits_violation",
+    "cartesian_position_limits_violation",
+    "self_collision_avoidance_violation",
+    "power_limit_violation",
+    "joint_velocity_violation",
+    "cartesian_velocity_violation",
+    "joint_move_in_wrong_direction",
+    "force_control_safety_violation",
     "joint_motion_generator_position_limits_violation",
     "joint_motion_generator_velocity_limits_violation",
     "joint_via_motion_generator_planning_joint_limit_violation",
@@ -21,8 +25,11 @@ _LIMIT = (
     "cartesian_motion_generator_joint_velocity_limits_violation",
 )
 _CONTROLLER = (
-    *("controller_torque_discontinuity", "tau_j_range_violation", "instability_detected"),
-    *("max_goal_pose_deviation_violation", "max_path_pose_deviation_violation"),
+    "controller_torque_discontinuity",
+    "tau_j_range_violation",
+    "instability_detected",
+    "max_goal_pose_deviation_violation",
+    "max_path_pose_deviation_violation",
     "cartesian_velocity_profile_safety_violation",
     "joint_position_motion_generator_start_pose_invalid",
     "joint_motion_generator_velocity_discontinuity",
@@ -42,7 +49,8 @@ _CONTROLLER = (
 )
 _COMMUNICATION = (
     "communication_constraints_violation",
-    *("base_acceleration_initialization_timeout", "base_acceleration_invalid_reading"),
+    "base_acceleration_initialization_timeout",
+    "base_acceleration_invalid_reading",
 )
 KINDS = {
     **dict.fromkeys(_CONTROLLER, FaultKind.CONTROLLER),
@@ -89,7 +97,8 @@ def fault_of_exception(error: BaseException, lost: tuple[type[BaseException], ..
     text = str(error).strip() or type(error).__name__
     if isinstance(error, lost):
         return FaultKind.COMMUNICATION.fault(text)
-    if names := re.findall(r'"(\w+)"', text):
+    names = re.findall(r'"(\w+)"', text)
+    if names:
         return _kind_of(names).fault(text)
     if _PEOPLE.search(text):
         return FaultKind.PERSON.fault(text)

@@ -31,10 +31,27 @@ TORQUE_CHANGE = 2.0
 filter of 100 Hz lets 0.39 of it pass, 770 N·m/s, and an arm takes 1000 [libfranka]. With the
 library's own 1.0 stiff joints swung themselves up to twice their speed in a strict simulator."""
 ARRAYS = (
-    *("q", "q_d", "dq", "dq_d", "ddq_d", "tau_J", "tau_J_d", "dtau_J", "tau_ext_hat_filtered"),
-    *("theta", "dtheta", "joint_contact", "joint_collision", "cartesian_contact"),
-    *("cartesian_collision", "O_F_ext_hat_K", "K_F_ext_hat_K", "F_x_Cee", "F_x_Cload"),
-    *("F_x_Ctotal", "O_ddP_O"),
+    "q",
+    "q_d",
+    "dq",
+    "dq_d",
+    "ddq_d",
+    "tau_J",
+    "tau_J_d",
+    "dtau_J",
+    "tau_ext_hat_filtered",
+    "theta",
+    "dtheta",
+    "joint_contact",
+    "joint_collision",
+    "cartesian_contact",
+    "cartesian_collision",
+    "O_F_ext_hat_K",
+    "K_F_ext_hat_K",
+    "F_x_Cee",
+    "F_x_Cload",
+    "F_x_Ctotal",
+    "O_ddP_O",
 )
 """Vectors of the robot state, by the names of libfranka."""
 POSES = ("O_T_EE", "O_T_EE_d", "O_T_EE_c", "F_T_EE", "F_T_NE", "NE_T_EE", "EE_T_K")
@@ -139,7 +156,8 @@ class FrankyArm:
                 raise BackendError(f"The arm at {address} does not recover from its errors.")
             self._fault = None
         self._poll()
-        if (fault := self.read().fault) is not None:
+        fault = self.read().fault
+        if fault is not None:
             raise BackendError(f"The arm at {address} does not recover: {fault.text}")
 
     def close(self) -> None:

@@ -139,7 +139,8 @@ class RealSenseCamera(ThreadedCamera):
     def _reset(self) -> None:
         """Reset the camera as pulling its plug does, and wait until it is back."""
         rs, serial = self._library, self.config.device
-        if (device := _devices(rs).get(serial)) is None:
+        device = _devices(rs).get(serial)
+        if device is None:
             return
         device.hardware_reset()
         end = time.monotonic() + RESET_S

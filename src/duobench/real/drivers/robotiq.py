@@ -300,7 +300,8 @@ class RobotiqGripper:
         if silence > SILENT_S:
             text = f"The gripper at {port} has not answered for {silence:.1f} s ({self._trouble})."
             return FaultKind.COMMUNICATION.fault(text)
-        if (meaning := _FAULTS.get(status.fault)) is not None:
+        meaning = _FAULTS.get(status.fault)
+        if meaning is not None:
             text = f"The gripper at {port} reports fault 0x{status.fault:02X}: {meaning}."
             return FaultKind.COMMUNICATION.fault(text)
         if self._was_active and not status.is_activated and not self._activation:
@@ -313,7 +314,8 @@ class RobotiqGripper:
         assert port is not None  # it ticks once it is connected
         if not port.is_open and (self._clock.now() < self._next_open or not self._open()):
             return
-        if (news := self._news()) is not None:
+        news = self._news()
+        if news is not None:
             start = time.perf_counter()
             if port.write([*news, self._config.speed << 8 | self._config.force]):
                 self.round_trips.append(time.perf_counter() - start)
@@ -381,7 +383,8 @@ def _end(gripper: RobotiqGripper, clock: Clock, opening: float) -> int:
     end, last, since = clock.now() + ACTIVATION_S, gripper.position, clock.now()
     while clock.now() < end:
         clock.wait_until(clock.now() + 1.0 / READ_HZ)
-        if (fault := gripper.read().fault) is not None:
+        fault = gripper.read().fault
+        if fault is not None:
             raise BackendError(fault.text)
         if gripper.position != last:
             last, since = gripper.position, clock.now()

@@ -100,7 +100,8 @@ class Film:
         return None if self._error else self._file.getvalue() or None
 
     def _add(self, number: int) -> None:
-        if (image := head_image(self._duo, FILM_SIZE)) is None:
+        image = head_image(self._duo, FILM_SIZE)
+        if image is None:
             return
         try:
             self._frames.put_nowait((number, image))

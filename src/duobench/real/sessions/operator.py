@@ -78,7 +78,8 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
     while True:
         if duo.supervisor.fault is not None:
             question, acts = FAULT.format(duo.supervisor.reason), {"r": duo.supervisor.recover}
-            if faulty := duo.hands.to_activate:
+            faulty = duo.hands.to_activate
+            if faulty:
                 question += "\n" + ACTIVATES.format(" and ".join(faulty))
                 acts["a"] = duo.hands.activate
         elif inactive := duo.hands.inactive:

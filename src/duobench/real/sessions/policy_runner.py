@@ -180,14 +180,16 @@ class PolicyRunner:
 
     def keep(self, labels: StageLabels, *, holds: bool) -> None:
         """Keep the recording of an episode that counts, as it was judged; see `correct`."""
-        if isinstance(recorder := self.env.env, Recorder):
+        recorder = self.env.env
+        if isinstance(recorder, Recorder):
             recorder.finish(reason="The policy failed.")
             recorder.correct(labels.changes(), holds=holds)
             recorder.keep()
 
     def forget(self) -> None:
         """Forget the recording of one that does not."""
-        if isinstance(recorder := self.env.env, Recorder):
+        recorder = self.env.env
+        if isinstance(recorder, Recorder):
             recorder.discard()
 
 

@@ -182,7 +182,8 @@ class RigRecording(RigSession):
             return
         how = "It is solved." if outcome.success else f"It ended at stage {outcome.stage}."
         why = played.ending if played.reasons else error or outcome.reason or ""
-        if reason := self.decide(played, f"{how} {why}".strip()):
+        reason = self.decide(played, f"{how} {why}".strip())
+        if reason:
             self.env.discard()
             self._operator.say(reason)
         else:

@@ -57,8 +57,11 @@ _ALLOWED: dict[Phase, tuple[type, ...]] = {
     Phase.MOVING: (messages.GiveUp,),
     Phase.PLAYING: (*_LABELS, messages.GiveUp),
     Phase.JUDGING: (
-        *(*_LABELS, messages.AtEnd, messages.Note),
-        *(messages.Finish, messages.Invalid),
+        *_LABELS,
+        messages.AtEnd,
+        messages.Note,
+        messages.Finish,
+        messages.Invalid,
     ),
     Phase.OVER: (),
 }
@@ -268,7 +271,8 @@ class RigSession:
                     self.phase = Phase.MOVING  # no press counts any more
                     return reason
                 case messages.Finish():
-                    if not (objection := self.objection(played)):
+                    objection = self.objection(played)
+                    if not objection:
                         self.phase = Phase.MOVING
                         return ""
                     self.message = objection

@@ -191,7 +191,8 @@ class StatusPage:
         if layout is None or not self._server.has_viewers or time.monotonic() < self._next_image:
             return
         self._next_image = time.monotonic() + LIVE_S
-        if (image := head_image(self._session.duo)) is not None:
+        image = head_image(self._session.duo)
+        if image is not None:
             self._server.publish_frame(jpeg(image))
         joints = self._session.duo.read().joints
         before = self._ghost_joints

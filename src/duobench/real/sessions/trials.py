@@ -202,11 +202,13 @@ class TrialsSession(RigSession):
         played = self.play(runner, episode.seed, {LAYOUT: layout}, recorder, film)
         name = f"{trial.number}.{self._attempt}"
         invalid_film = self._folder.invalid_film(trial.number, self._attempt)
-        if (video := film.video()) is not None:
+        video = film.video()
+        if video is not None:
             write(invalid_film, video)  # until it counts
             self._page.offer_film(f"film-{name}", video)
         automatic = self.lost or played.invalid
-        if reason := automatic or self.decide(played, played.ending):
+        reason = automatic or self.decide(played, played.ending)
+        if reason:
             runner.forget()
             has_no_choice = bool(automatic or played.reasons)
             self.write(LogKind.INVALID, text=reason, yes=has_no_choice, fault=played.fault)

@@ -268,7 +268,8 @@ class TrialsFolder:
         One that was over is told as a person's choice: who ended the program had seen the outcome.
         """
         log = TrialLog(self.log_file)
-        if (cut := TrialsProgress.of(log.entries).cut) is not None:
+        cut = TrialsProgress.of(log.entries).cut
+        if cut is not None:
             is_seen = any(
                 entry.kind is LogKind.END
                 and (entry.trial, entry.attempt) == cut

@@ -56,11 +56,14 @@ class EpisodeKey:
 def shifted_look(shift: Shift, key: EpisodeKey, usual: Look) -> Look:
     """How images of an episode look: light, colours, textures, background, cameras, noise."""
     look = usual
-    if level := level_for(shift, LOOK, key.task):
+    level = level_for(shift, LOOK, key.task)
+    if level:
         look = _other_look(level, key.generator(LOOK), look)
-    if level := level_for(shift, CAMERA, key.task):
+    level = level_for(shift, CAMERA, key.task)
+    if level:
         look = replace(look, cameras={**look.cameras, **_cameras(level, key.generator(CAMERA))})
-    if level := level_for(shift, SENSING, key.task):
+    level = level_for(shift, SENSING, key.task)
+    if level:
         look = replace(look, noise=float(np.hypot(look.noise, levels.IMAGE_NOISE[level])))
     return look
 

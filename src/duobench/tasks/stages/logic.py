@@ -285,7 +285,8 @@ class Since(Predicate):
         event = self.memory.event
         if self._now(state) and not event.ask(state):
             return event.unmet(state)
-        if why := state.past.get(self.memory):
+        why = state.past.get(self.memory)
+        if why:
             return (why,)
         # What is made of memories is explained by them.
         return (event.begun(state) and event.unmet(state)) or (f"not so far: {event.name}",)

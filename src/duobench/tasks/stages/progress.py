@@ -135,7 +135,8 @@ def check_names(
         except UnknownNameError as error:
             raise UnknownNameError(f"Stage {stage.name!r}: {error}") from error
         unnamed = state.answers.keys() - parts.keys()
-        if lost := [p for p in unnamed if memories_in([p]) or clocks_in([p])]:
+        lost = [p for p in unnamed if memories_in([p]) or clocks_in([p])]
+        if lost:
             raise TaskError(
                 f"{part.name!r} asks {', '.join(sorted(repr(p.name) for p in lost))}, and does "
                 "not name it in its parts, the third argument of Predicate: its memory is not kept."

@@ -148,7 +148,8 @@ class _Bus:
     def _run(self) -> None:
         while not self._is_closing.is_set():
             try:
-                if (counts := self._ask()) is not None:
+                counts = self._ask()
+                if counts is not None:
                     self._newest = time.monotonic(), joints_of(self._arm, counts)
             except OSError:  # the cable was pulled: what was read last grows old
                 return

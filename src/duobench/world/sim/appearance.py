@@ -165,7 +165,8 @@ class Appearance:
         colours = [(r, g, b) for r, g, b, _ in model.geom_rgba.tolist()]
         self._add_objects(_objects(model), colours)
         for part in PARTS:
-            if material := look.parts.get(part):
+            material = look.parts.get(part)
+            if material:
                 number = self._add(material, part)
                 rgb = _WHITE if _hides_colour(material) else material.colour
                 geoms = _geoms_of(model, part, colours)
@@ -205,7 +206,8 @@ class Appearance:
 
     def aim(self, scene: mujoco.MjvScene, camera: int) -> None:
         """Move the lenses of a scene that the engine has just put where a camera is."""
-        if offset := self._cameras.get(camera):
+        offset = self._cameras.get(camera)
+        if offset:
             for lens in scene.camera:
                 _move(lens, offset)
 

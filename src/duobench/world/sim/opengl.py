@@ -83,12 +83,14 @@ def load_engine() -> None:
     Raises:
         RenderingError: It does not run on this platform, or that library cannot be opened.
     """
-    if problem := unsupported():
+    problem = unsupported()
+    if problem:
         raise RenderingError(problem)
     try:
         import_module("mujoco")
     except Exception as error:
-        if not (asked := os.environ.get(ASKED)):
+        asked = os.environ.get(ASKED)
+        if not asked:
             raise
         raise RenderingError(
             f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to "
@@ -108,9 +110,11 @@ def choose(processes: int = 1) -> str:
     than one process will render at the same time, a graphics card has to serve several children at
     once before it is chosen. The first process that finds only software rendering logs it.
     """
-    if asked := _asked():
+    asked = _asked()
+    if asked:
         return asked
-    if (inherited := os.environ.get(CHOSEN, "")) in BACKENDS:
+    inherited = os.environ.get(CHOSEN, "")
+    if inherited in BACKENDS:
         return inherited
     failures = ""
     for backend in _candidates():

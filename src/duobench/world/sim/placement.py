@@ -43,7 +43,8 @@ def problems(simulation: Simulation, layout: Layout) -> list[str]:
         x, y, _ = layout.poses[name].translation
         if not (REACH_X[0] <= x <= REACH_X[1] and REACH_Y[0] <= y <= REACH_Y[1]):
             faults.append(f"{name} is out of reach at ({x:.3f}, {y:.3f})")
-        if (height := simulation.min_height(name)) < -MAX_OVERLAP:
+        height = simulation.min_height(name)
+        if height < -MAX_OVERLAP:
             faults.append(f"{name} is below the table top")
         if height > MAX_HEIGHT:
             faults.append(f"{name} is {height:g} m above the table, more than {MAX_HEIGHT} m")

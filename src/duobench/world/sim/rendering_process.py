@@ -282,7 +282,8 @@ def current(backend: str | None = None) -> RenderingProcess:
 
 @atexit.register
 def _end_own() -> None:
-    if process := _PROCESSES.pop(os.getpid(), None):
+    process = _PROCESSES.pop(os.getpid(), None)
+    if process:
         process.end()
 
 

@@ -18,10 +18,25 @@ from duobench.world.sim.layout import Layout
 from duobench.world.sim.questions import Questions
 
 _CHANGED = (
-    *("body_mass", "body_inertia", "geom_friction", "jnt_stiffness", "dof_damping"),
-    *("body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0"),
-    *("tendon_invweight0", "tendon_length0", "actuator_length0"),
-    *("cam_pos0", "cam_poscom0", "cam_mat0", "light_pos0", "light_poscom0", "light_dir0"),
+    "body_mass",
+    "body_inertia",
+    "geom_friction",
+    "jnt_stiffness",
+    "dof_damping",
+    "body_subtreemass",
+    "body_invweight0",
+    "dof_invweight0",
+    "dof_M0",
+    "actuator_acc0",
+    "tendon_invweight0",
+    "tendon_length0",
+    "actuator_length0",
+    "cam_pos0",
+    "cam_poscom0",
+    "cam_mat0",
+    "light_pos0",
+    "light_poscom0",
+    "light_dir0",
 )
 """What is scaled, and what the engine computes from it."""
 _STATISTICS = ("meaninertia", "meanmass", "meansize", "extent")

@@ -102,7 +102,8 @@ def solve(arms: Arms, *sides: Side, way: Handling = PLAIN) -> Script:
     board = TiltedBoard(arms, sides, way.tilt)
     stayed = 0
     while stayed < _STAY:
-        if direction := board.next_run():
+        direction = board.next_run()
+        if direction:
             yield from board.run(direction)
             stayed = 0
         else:
