@@ -30,7 +30,7 @@ TESTS ?= not slow and not long
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help system system-test system-browser setup setup-test demo test test-all test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages check format bench docs site golden FORCE
+.PHONY: help system system-test system-browser system-hardware setup setup-test demo test test-all test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages check format bench docs site golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -57,7 +57,7 @@ test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policie
 
 # Libraries of arms, grippers and cameras, and simulators of their interfaces. A simulator that
 # enforces an arm's limits asks for an older NumPy, and has an environment of its own.
-test-hardware: $(HARDWARE_VENV)/.installed $(FRANKA_SIM_VENV)/.installed  ## Test drivers against simulators of the hardware.
+test-hardware: system-hardware $(HARDWARE_VENV)/.installed $(FRANKA_SIM_VENV)/.installed  ## Test drivers against simulators of the hardware.
 	DUOBENCH_FRANKA_SIM_PYTHON=$(FRANKA_SIM_VENV)/bin/python \
 		$(HARDWARE_VENV)/bin/python -m pytest -p no:cacheprovider tests/real/with_libraries
 
@@ -134,6 +134,9 @@ system-test: system
 
 system-browser: system-test
 	@sh dev/system.sh $(PYTHON) browser
+
+system-hardware: system
+	@sh dev/system.sh $(PYTHON) hardware
 
 # The environment belongs to one interpreter and one folder: scripts in it name both. The file
 # is rewritten only when either changes, and everything else follows from it.

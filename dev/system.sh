@@ -5,6 +5,7 @@
 #     sh dev/system.sh PYTHON setup      a module that makes environments, and OpenGL if it can be had
 #     sh dev/system.sh PYTHON test       the same, and OpenGL must be there
 #     sh dev/system.sh PYTHON browser    a browser if it can be had, for tests of driven pages
+#     sh dev/system.sh PYTHON hardware   what a library of cameras loads, if it can be had
 set -eu
 python=$1
 part=$2
@@ -32,6 +33,9 @@ has_venv || packages="$packages $venv"
 has_opengl || packages="$packages $opengl"
 if [ "$part" = browser ]; then
     has_browser || packages="$packages chromium"
+fi
+if [ "$part" = hardware ]; then
+    loads libusb-1.0.so.0 || packages="$packages libusb-1.0-0"
 fi
 
 if [ -n "$packages" ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then

@@ -169,10 +169,10 @@ def test_vector_environments_play_what_single_ones_play(name: str, alone: list[s
     assert done.stdout.split() == alone
 
 
-def test_a_fork_of_a_process_that_has_rendered_says_what_to_do() -> None:
+def test_a_fork_of_a_process_that_has_rendered_plays_the_same(alone: list[str]) -> None:
     options = {**IMAGES, "flat_obs": True}
     mode = {"mode": "async", "kwargs": {"context": "fork"}}
     image = f"import duobench; duobench.make({TASK!r}, **{IMAGES!r}).reset(seed=0)\n"
     done = ran("-c", image + VECTOR.format(id=f"duobench/{TASK}-v1", **mode, options=options))
-    assert done.returncode == 1
-    assert "graphics drivers do not survive. Start processes with the method 'spawn'" in done.stderr
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == alone

@@ -16,7 +16,9 @@ from duobench.real.drivers.realsense import RealSenseCamera, _colour_sensor
 from duobench.real.rig import CameraConfig
 
 rs: Any = pytest.importorskip(
-    "pyrealsense2", reason="It is not installed here: make test-hardware", exc_type=ImportError
+    "pyrealsense2",
+    reason="It, or libusb-1.0-0, is not installed here: make test-hardware",
+    exc_type=ImportError,
 )
 
 WIDTH, HEIGHT, COUNT = 1280, 720, 20
