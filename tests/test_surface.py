@@ -57,12 +57,15 @@ SURFACE = {
         Attempt Executor LocalExecutor ProcessExecutor evaluate record
     """,
     "duobench.tasks": """
-        ANY_YAW BoxRegion Carriage Category Choice CylinderRegion Handover Hole Joining Layout
-        Passage Placement Port Pouring Predicate Region Rolling SE3 SIDES Side Stage StateView
-        Support TABLE Task Uniform View all_of any_of arm_touches around at_least carriage get
-        grasped grasped_apart handover held_for hinge_open inserted inside joining lifted
-        lifted_by_any low_over names off_table passage placed pouring put raised released rests_on
-        rolling since still support touches touching upright variant
+        ANY_YAW BLACK BoxRegion CHARCOAL CUBE_EDGE Carriage Category Choice Colour
+        CylinderRegion Handover Hinge Hole Image Joining LONG_BLOCK Layout Mesh PALE Part
+        Passage Piece Placement Port Pouring Predicate Prop RED Region Rolling SE3 SIDES Shape
+        Side Solid Stage StateView Support TABLE Task Uniform Variant View WHITE WOOD YELLOW
+        all_of any_of arm_touches around at_least block box carriage circle corner_points cube
+        cylinder get grasped grasped_apart handover held_for hinge_open hull inserted inside
+        joining lifted lifted_by_any long_block low_over names off_table passage placed pouring
+        prism put raised released rests_on ring_wall rolling since sphere still support touches
+        touching upright variant
     """,
 }
 """Public names by package; a change here is a change for users, and goes into CHANGELOG.md."""

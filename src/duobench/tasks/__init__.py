@@ -1,6 +1,6 @@
 """Tasks: data and a few pure functions, one file each; and all words to write one of your own.
 
-The objects for it are in `duobench.world.objects`.
+The words are objects, placements, regions and what stages ask.
 """
 
 from typing import TYPE_CHECKING
@@ -76,6 +76,44 @@ if TYPE_CHECKING:
         Placement as Placement,
         Task as Task,
     )
+    from duobench.world.objects.blocks import (
+        BLACK as BLACK,
+        CHARCOAL as CHARCOAL,
+        CUBE_EDGE as CUBE_EDGE,
+        LONG_BLOCK as LONG_BLOCK,
+        PALE as PALE,
+        RED as RED,
+        WHITE as WHITE,
+        WOOD as WOOD,
+        YELLOW as YELLOW,
+        block as block,
+        cube as cube,
+        long_block as long_block,
+    )
+    from duobench.world.objects.prop import (
+        Hinge as Hinge,
+        Part as Part,
+        Prop as Prop,
+        Variant as Variant,
+    )
+    from duobench.world.objects.shapes import (
+        Colour as Colour,
+        Shape as Shape,
+        box as box,
+        circle as circle,
+        cylinder as cylinder,
+        hull as hull,
+        prism as prism,
+        ring_wall as ring_wall,
+        sphere as sphere,
+    )
+    from duobench.world.objects.solid import (
+        Image as Image,
+        Mesh as Mesh,
+        Piece as Piece,
+        Solid as Solid,
+        corner_points as corner_points,
+    )
     from duobench.world.robot.cameras import View as View
     from duobench.world.scene.naming import TABLE as TABLE
     from duobench.world.sim.layout import Layout as Layout
@@ -128,6 +166,44 @@ else:
             "duobench.tasks.stages.rolling": ["Rolling", "rolling"],
             "duobench.tasks.stages.support": ["Support", "support"],
             "duobench.tasks.task": ["Category", "Placement", "Task"],
+            "duobench.world.objects.blocks": [
+                "BLACK",
+                "CHARCOAL",
+                "CUBE_EDGE",
+                "LONG_BLOCK",
+                "PALE",
+                "RED",
+                "WHITE",
+                "WOOD",
+                "YELLOW",
+                "block",
+                "cube",
+                "long_block",
+            ],
+            "duobench.world.objects.prop": [
+                "Hinge",
+                "Part",
+                "Prop",
+                "Variant",
+            ],
+            "duobench.world.objects.shapes": [
+                "Colour",
+                "Shape",
+                "box",
+                "circle",
+                "cylinder",
+                "hull",
+                "prism",
+                "ring_wall",
+                "sphere",
+            ],
+            "duobench.world.objects.solid": [
+                "Image",
+                "Mesh",
+                "Piece",
+                "Solid",
+                "corner_points",
+            ],
             "duobench.world.robot.cameras": ["View"],
             "duobench.world.scene.naming": ["TABLE"],
             "duobench.world.sim.layout": ["Layout"],
