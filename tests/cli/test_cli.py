@@ -163,7 +163,7 @@ def test_command_has_every_option_that_a_result_may_depend_on() -> None:
         elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE"}
         value = elsewhere.get(option.name, f"'my {option.name}'")
         no_matter = {"workers", "wait", "retry_broken"}
-        no_matter |= {"executor", "address", "policy_gpus", "shard"}
+        no_matter |= {"executor", "address", "policy_gpus", "shard", "observer"}
         assert (f"{option.flag} {value}" in command) == (option.name not in no_matter), option.name
 
 
