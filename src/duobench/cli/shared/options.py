@@ -13,7 +13,6 @@ _ELSEWHERE: Mapping[str, str] = {
 }
 """Placeholders of values that another machine has elsewhere, or that are private."""
 _NO_MATTER = (
-    "observer",
     "workers",
     "observer",
     "retry_broken",
