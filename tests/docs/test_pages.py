@@ -194,7 +194,7 @@ def test_the_table_of_metadata_names_its_fields() -> None:
 
 
 def test_pages_without_code_have_none() -> None:
-    for page in (STAGES, FRAMES, EVALUATION):
+    for page in (STAGES, FRAMES):
         assert blocks(page, "python") == blocks(page, "sh") == []
 
 
