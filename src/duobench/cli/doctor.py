@@ -30,8 +30,10 @@ FIRST_COMMAND = (
 )
 FRAMES = 20
 """Images that are timed; their median is shown."""
-ROOM_GB, LEAST_ROOM_GB = 1.0, 0.1
-"""Free space for the output that is enough, and that is too little for anything."""
+ROOM_GB = 1.0
+"""Free space for the output below which a note is shown."""
+LEAST_ROOM_GB = 0.1
+"""Free space for the output below which the check fails."""
 HANDLES = 256
 """Open files that are enough for many workers."""
 _VARIABLES = (
@@ -42,7 +44,7 @@ _VARIABLES = (
     "NVIDIA_DRIVER_CAPABILITIES",
     "OMP_NUM_THREADS",
 )
-"""Variables that other programs and scripts of jobs set, and a run heeds."""
+"""Environment variables that a run depends on, shown with their values."""
 _PROXIES = ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY", "NO_PROXY")
 _NAMED = (
     "PYTHONPATH",
@@ -53,7 +55,7 @@ _NAMED = (
     *_PROXIES,
     *map(str.lower, _PROXIES),
 )
-"""The same, of which the value is private; connections to policies take no proxy."""
+"""Variables whose values are private and not shown; connections to policies take no proxy."""
 
 
 def run(out: Path | None = None) -> None:
@@ -71,8 +73,8 @@ def run(out: Path | None = None) -> None:
     failed = 0
     for check in _checks(out):
         failed += check.outcome is Outcome.FAILED
-        told = filter(None, (check.value.removesuffix("."), check.advice))
-        words = " ".join(". ".join(told).split())
+        parts = [check.value.removesuffix("."), check.advice]
+        words = " ".join(". ".join(filter(None, parts)).split())
         say(
             f"{check.outcome:<8}{check.name:<17}{words}",
             style=CHECK_STYLES[check.outcome],
@@ -98,7 +100,7 @@ def _checks(out: Path | None) -> Iterator[Check]:
     for name, look in looks.items():
         try:
             yield from look()
-        except Exception as error:  # noqa: BLE001 - whatever keeps it from working is told
+        except Exception as error:  # noqa: BLE001 - any error is a result of the check
             is_asked = name != "output" or out is not None
             outcome = Outcome.FAILED if is_asked else Outcome.NOTE
             yield outcome.of(name, str(error) or type(error).__name__)
@@ -149,7 +151,8 @@ def _handles() -> Iterator[Check]:
 
 
 def _locale() -> Iterator[Check]:
-    names, output = sys.getfilesystemencoding(), sys.stdout.encoding
+    names = sys.getfilesystemencoding()
+    output = sys.stdout.encoding
     is_well = {names.lower(), output.lower()} == {"utf-8"}
     advice = "Signs that they lack are replaced: set LC_ALL=C.UTF-8."
     found = f"names of files in {names}, output in {output}"
@@ -162,12 +165,12 @@ def _variables() -> Iterator[Check]:
     is_well = all(
         number.strip().isdecimal() and int(number) for number in threads.split(",")
     )
-    # A value may be a secret or a way through somebody's home: bugs are reported with it.
-    told = [f"{name}={value}" for name, value in here.items()]
-    told += [name for name in _NAMED if name in os.environ]
+    # Bug reports contain this line, and some values are secrets or private paths.
+    shown = [f"{name}={value}" for name, value in here.items()]
+    shown += [name for name in _NAMED if name in os.environ]
     advice = "OMP_NUM_THREADS is a whole number from 1 on."
     yield Outcome.NOTE.unless(
-        is_well, "variables", " ".join(told) or "none of others", advice
+        is_well, "variables", " ".join(shown) or "none of others", advice
     )
 
 
@@ -182,7 +185,7 @@ def _figures() -> Iterator[Check]:
     figure.add_subplot().set_title("Success")
     as_svg("doctor", lambda: figure)
     found = f"drawn by Matplotlib {__version__}, which keeps fonts in {get_cachedir()}"
-    # Matplotlib tells its children of a folder that is removed at the end.
+    # Without a writable folder, Matplotlib sets the variable to a temporary one.
     is_kept = os.environ.get("MPLCONFIGDIR") == given
     advice = "Each command finds them anew: set MPLCONFIGDIR to a folder that can be written."
     yield Outcome.NOTE.unless(is_kept, "figures", found, advice)
@@ -191,7 +194,8 @@ def _figures() -> Iterator[Check]:
 def _videos() -> Iterator[Check]:
     from duobench.core.video import AV1, H264, VP9, write_video
 
-    codecs, frames = (VP9, AV1, H264), [np.zeros((64, 64, 3), dtype=np.uint8)] * 2
+    codecs = (VP9, AV1, H264)
+    frames = [np.zeros((64, 64, 3), dtype=np.uint8)] * 2
     with tempfile.TemporaryDirectory() as folder:
         for codec in codecs:
             write_video(frames, Path(folder, codec.encoder), codec, 30)

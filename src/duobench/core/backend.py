@@ -135,7 +135,7 @@ class DuoBackend(Protocol):
 
     @property
     def time(self) -> float:
-        """Seconds on a clock that never goes back, when the latest state was measured."""
+        """Time of the latest measured state in seconds, on a monotonic clock."""
         ...
 
     def read(self) -> DuoState:

@@ -124,9 +124,12 @@ def files_in(folder: Path, pattern: str = "**/*") -> Iterator[Path]:
 def taken_back(
     folder: Path, *beginnings: str, is_begun: Callable[[], bool] = lambda: False
 ) -> Iterator[None]:
-    """Remove a new folder again if a block fails before anything but beginnings is in it.
+    """Remove a new folder again if the block fails before it has written results.
 
-    These are patterns of files, which count for nothing unless `is_begun` says that they do.
+    Args:
+        folder: The folder, which is new if it does not exist yet, or is empty.
+        beginnings: Patterns of files that are no results, unless `is_begun`.
+        is_begun: Whether files of these patterns are to be kept too.
     """
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     is_new = bool(missing) or (folder.is_dir() and not any(folder.iterdir()))
@@ -140,8 +143,11 @@ def taken_back(
             and not is_begun()
         ):
             for path in folder.glob("*"):
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
-            with suppress(OSError):  # somebody else has put something there
+                if path.is_dir():
+                    shutil.rmtree(path)
+                else:
+                    path.unlink()
+            with suppress(OSError):  # another process has written there
                 for each in missing:
                     each.rmdir()
         raise

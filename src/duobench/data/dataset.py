@@ -224,9 +224,9 @@ class DataSet:
         name: str,
         content: bytes,
     ) -> Path:
-        """Add the content of an episode's file that was recorded elsewhere, in one atomic step.
+        """Add an episode's file that was recorded elsewhere, in one atomic step.
 
-        What a killed recording of the same episode has left is removed.
+        The partial file of a killed recording of the same episode is removed.
         """
         check_there(self.path)
         path, partial = self.episode(task, name), self.partial(task, name)

@@ -72,7 +72,7 @@ class ImageSource:
         self._layout: dict[str, Any] | None = None
 
     def set_look(self, look: str | Look) -> None:
-        """Give images in another look from now on; nothing is compiled anew."""
+        """Change the look of later images; the model is not compiled again."""
         self._backend.set_look(as_look(look))
 
     def show(self, recording: Recording, row: int) -> None:

@@ -205,14 +205,18 @@ class _Encoder:
 class Videos:
     """The videos of an episode while it is recorded, at least one.
 
-    At first they hold the one frame that `see` takes. After `listen` every frame is encoded, until
-    `close`. What cannot be encoded or written is an `OutputError` or a `VideoError`.
+    Before `listen`, `see` encodes one frame of each camera; from `listen` to `close`, every frame
+    is encoded.
 
     Args:
-        episode: The episode's file, beside which they are.
+        episode: The episode's file; the videos are written beside it.
         cameras: The cameras by name.
-        rates: Their frames a second.
+        rates: Frames a second by camera.
         waits: Whether cameras wait for the encoder.
+
+    Raises:
+        OutputError: A video cannot be written.
+        VideoError: A frame cannot be encoded.
     """
 
     def __init__(

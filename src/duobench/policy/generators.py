@@ -27,7 +27,7 @@ class _TorchSeeder(MetaPathFinder):
         self.seed, self._is_looking = MAKING_SEED, False
 
     def find_spec(self, name: str, *_where: Any) -> ModuleSpec | None:
-        """Find torch as it would be found without this."""
+        """Find torch by the other finders, and seed it once it is imported."""
         if name != "torch" or self._is_looking:
             return None
         self._is_looking = True

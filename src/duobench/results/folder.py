@@ -103,7 +103,7 @@ class RunReader(ABC):
         """
 
     def read_run(self) -> Run:
-        """The description of the run."""
+        """Read the description of the run."""
         return read(self.file(DESCRIPTION), Run, RUN_SCHEMA)
 
     def finished(self, run: Run) -> list[Key]:
@@ -249,7 +249,7 @@ class RunFolder(RunReader):
         return found[0] if found else None
 
     def new_replay(self, key: Key, scene: str) -> Path:
-        """Path of the track of an episode, which plays in a scene."""
+        """Path for the track of an episode, which is played in a scene."""
         return self.path / "replays" / f"{key.path}.{scene}{TRACK_SUFFIX}"
 
     def scene(self, name: str) -> Path:

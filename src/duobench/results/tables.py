@@ -125,7 +125,7 @@ PAIR_HEADS = (
 
 
 def pair_cells(pair: Pair) -> list[str]:
-    """A row of the table of pairs."""
+    """Cells of a pair in the table of pairs."""
     whole = pair.whole
     tasks = len(pair.of(RowKind.TASK))
     return [

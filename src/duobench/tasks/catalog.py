@@ -62,7 +62,7 @@ def id_of(name: str) -> str:
 
 
 def reference(task: Task | str) -> str:
-    """By what a task was given, its id or import path; empty for a task itself."""
+    """Id or import path by which a task was given; empty for a task object."""
     return plain(task) if isinstance(task, str) else ""
 
 

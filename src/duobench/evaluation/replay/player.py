@@ -216,9 +216,9 @@ class _Sendable(Watcher):
 
 
 def command_config(config: EnvConfig) -> EnvConfig:
-    """A configuration in which the commands that were sent in another one are the actions.
+    """Configuration whose actions are the commands that were sent under another configuration.
 
-    They are joint targets and openings, one command a step; nothing is rendered.
+    Actions are joint targets and openings, one for each step; nothing is rendered.
     """
     return replace(
         config,

@@ -286,11 +286,10 @@ class ConnectedPolicy(ABC):
 
 
 def _refused_with(error: BaseException) -> int | None:
-    """The code with which this side has closed a connection; None if the other one has."""
-    closed = (
-        isinstance(error, ConnectionClosed) and not error.rcvd_then_sent and error.sent
-    )
-    return closed.code if closed else None
+    """Return the code with which this side closed a connection; None if the other side did."""
+    if not isinstance(error, ConnectionClosed) or error.rcvd_then_sent:
+        return None
+    return error.sent.code if error.sent else None
 
 
 def _is_busy(error: BaseException) -> bool:

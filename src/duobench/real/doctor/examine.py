@@ -16,7 +16,7 @@ from duobench.real.devices import ArmReading
 from duobench.real.doctor.checks import Check, Outcome
 from duobench.real.doctor.computer import computer_checks
 from duobench.real.duo import FrankaDuo
-from duobench.real.mounts import CLEAR, SWAPPED, are_swapped, misfits
+from duobench.real.mounts import MAX_RATIO, SWAPPED, are_swapped, misfits
 from duobench.real.rig import CameraConfig, GripperConfig
 from duobench.world.robot.cameras import HEAD
 
@@ -288,4 +288,6 @@ def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
         "Torques fit neither mount well: look at the mass of the tool that the control box knows, "
         "and at whether something touches an arm."
     )
-    return Outcome.NOTE.unless(bool(np.all(own <= CLEAR * other)), name, value, advice)
+    return Outcome.NOTE.unless(
+        bool(np.all(own <= MAX_RATIO * other)), name, value, advice
+    )

@@ -94,19 +94,19 @@ class RegisterPort(Protocol):
         ...
 
     def open(self) -> bool:
-        """Try to open it; whether it is open now."""
+        """Try to open the port; return whether it is open."""
         ...
 
     def write(self, values: Sequence[int]) -> bool:
-        """Write the registers of the command; whether that was answered."""
+        """Write the registers of the command; return whether the gripper acknowledged them."""
         ...
 
     def read(self) -> list[int] | None:
-        """The registers of the status; None without an answer."""
+        """Read the registers of the status; None if the gripper does not respond."""
         ...
 
     def close(self) -> None:
-        """Let go of it; twice is harmless."""
+        """Close the port; closing twice is harmless."""
 
 
 class SerialPort:
@@ -133,7 +133,7 @@ class SerialPort:
 
     @property
     def is_open(self) -> bool:
-        """Whether the port is there."""
+        """Whether the port is open."""
         return bool(self.client.connected)
 
     def open(self) -> bool:

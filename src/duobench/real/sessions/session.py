@@ -217,10 +217,10 @@ class RigSession:
                     self._handle(other)
 
     def keep_placed(self) -> None:
-        """The operator says that the objects lie where they shall; in a rehearsal they do now.
+        """Take the operator's word that the objects are placed; in a rehearsal, place them.
 
         Raises:
-            BackendError: They cannot lie there.
+            BackendError: The objects cannot be placed like this.
         """
 
     def play(
@@ -263,8 +263,9 @@ class RigSession:
         observation: Observation,  # noqa: ARG002 - the protocol's signature
         info: Info,  # noqa: ARG002
     ) -> None:
-        """The arms are at home, and the policy begins."""
-        self.phase, self.waits = Phase.PLAYING, False
+        """Show that the policy begins; the arms are at home."""
+        self.phase = Phase.PLAYING
+        self.waits = False
         self.view.publish()
 
     def on_step(self, step: Step) -> None:  # noqa: ARG002 - the protocol's signature

@@ -153,7 +153,7 @@ class TrialsSession(RigSession):
         self.view = self._page = StatusPage(self, server, self._overlay, silence_s)
 
     def run(self) -> bool:
-        """Play what is missing; whether nothing is missing at the end."""
+        """Play the missing trials; return whether the plan is complete."""
         try:
             for trial in self._folder.remaining(self._plan, self._progress):
                 while not self._play_once(trial):

@@ -128,28 +128,28 @@ class StateView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicate:
-    """A named pure question about a control step."""
+    """Named condition on a control step; evaluating it changes nothing."""
 
     name: str
     """Condition as a short sentence: "left grasps cube"."""
     test: Callable[[StateView], bool]
-    """Answers it, from the view alone; other predicates in it must be in `parts`."""
+    """Function that evaluates it from the view alone; predicates in it must be in `parts`."""
     parts: tuple[Predicate, ...] = field(default=())
-    """The predicates that `test` calls: `since` and `held_for` in them are remembered."""
+    """Predicates that `test` calls; the memory of `since` and `held_for` among them is kept."""
     otherwise: Callable[[StateView], str] | None = field(default=None, repr=False)
     """Explanation of a failure, as a short sentence with the number that was missed:
     "cube is raised by 4 mm, not by 10 mm"."""
     off: Callable[[StateView], float] | None = field(default=None, repr=False)
-    """How far off it is where it does not hold: 0 nearly holds, 1 is a usual way to go. For rewards
-    alone, see `stages.nearness`; it takes many simulations where `test` does."""
+    """Distance from holding, in usual distances: near 0 it almost holds. For rewards alone, see
+    `stages.nearness`; it accepts many simulations if `test` does."""
     vectorized: bool = field(default=False, repr=False)
-    """Whether `test` also takes the view of n simulations at once, whose numbers are arrays (n,),
-    and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""
+    """Whether `test` also accepts a view of n simulations, whose numbers are arrays (n,), and
+    returns booleans (n,): it uses `&` and comparisons, not `and`, `if` or `float`."""
     looks: bool = field(default=True, repr=False)
-    """Whether an answer can differ where the layout, what is remembered and the answers of all
-    parts are as before: `test` looks at the simulation, or at a clock."""
+    """Whether `test` reads the simulation or a clock, so that its value may change while layout,
+    memory and the values of all parts stay the same."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
-    """The same as a call, as a plain function, which Python calls in half the time."""
+    """Same as calling the predicate, as a plain function, which Python calls in half the time."""
 
     def __post_init__(self) -> None:
         test = self.test

@@ -38,7 +38,7 @@ class SimBackend:
         """Do nothing: simulated time stands still between commands."""
 
     def home(self) -> None:
-        """Put the arms home at once, with open grippers; everything begins again at time zero."""
+        """Reset the simulation to time zero, with the arms at home and the grippers open."""
         self._held = None
         self.simulation.reset_data()
         self.simulation.forward()
