@@ -154,7 +154,7 @@ def taken_back(
 
 
 def check_outside(out: Path, *sources: Path) -> None:
-    """Reject an output in one of the folders that it is made from, whatever links lead there."""
+    """Reject an output in one of the folders that it is made from, symbolic links resolved."""
     for source in sources:
         if out.resolve().is_relative_to(source.resolve()):
             raise OutputError(
@@ -264,7 +264,7 @@ def remove_temporary(folder: Path) -> None:
 
 
 def remove(*paths: Path) -> None:
-    """Remove files; those that are not there are none to remove."""
+    """Remove files; missing ones are ignored."""
     for path in paths:
         with writing(path):
             path.unlink(missing_ok=True)
@@ -276,7 +276,7 @@ def remove_abandoned(folder: Path, suffix: str) -> None:
     Others may write into these at the same time, and all other files in them stay.
     """
     for path in folder.glob(f"*/.*{suffix}.*{TEMPORARY_SUFFIX}"):
-        # A process of somebody else lives; a file without a number of a process is not ours.
+        # A process of another user lives; a file without a process number is not ours.
         with suppress(PermissionError, OverflowError, ValueError):
             try:
                 os.kill(int(path.suffixes[-2][1:]), 0)
@@ -321,7 +321,7 @@ def read_text(path: Readable) -> str:
 
 
 def read_object(path: Path, error: type[DuoBenchError]) -> dict[str, Any] | None:
-    """A JSON object from a file of others, which may be anything; None where there is none."""
+    """Read a JSON object from an untrusted file; None if the file is missing."""
     with reading(path, error):
         try:
             content = json.loads(path.read_bytes())

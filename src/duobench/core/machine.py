@@ -125,7 +125,7 @@ class Awake:
 
 
 HERE = Awake()
-"""Of this process, if it is one of an evaluation: what watches its parent notes it."""
+"""State of this process, if it is one of an evaluation; set by the watch of its parent."""
 
 
 def watch_parent(parent: int, end: Callable[[], object]) -> None:

@@ -17,7 +17,7 @@ ATTEMPTS_SCHEMA = 1
 RUN = "record.json"
 """Description of what `record` records."""
 SKIPPED = "Skipped before it began."
-"""Why an attempt at which nobody did anything is not kept."""
+"""Reason why an attempt without any motion is not kept."""
 
 
 @dataclass(
@@ -70,7 +70,7 @@ class Comparison:
     """Files that are not what their name says, and keep a recording from going on."""
 
     def __str__(self) -> str:
-        """As a sentence part; empty where nothing differs."""
+        """Format as part of a sentence; empty without differences."""
         parts = {
             "missing": self.missing,
             "not noted": self.surplus,

@@ -36,11 +36,11 @@ class ImageSource:
         task: The task, its id, or its import path.
         cameras: Which cameras to render.
         size: Height and width of the images in pixels, or one number for a square.
-        look: How the images look, whatever they looked like while recording.
+        look: Look of the images, which may differ from that of the recording.
 
     Raises:
         UnknownNameError: There is no such task or look.
-        OptionError: The size is none.
+        OptionError: The size is invalid.
     """
 
     def __init__(

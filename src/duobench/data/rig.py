@@ -36,7 +36,7 @@ class RigState(Protocol):
         ...
 
     def see(self, cameras: Iterable[str]) -> None:
-        """Say through which cameras somebody looks: an episode waits for their images alone."""
+        """Set the cameras in use: an episode waits for their images alone."""
 
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""

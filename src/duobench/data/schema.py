@@ -205,7 +205,7 @@ class EpisodeInfo:
     task: str
     """Its id."""
     reference: str = ""
-    """By what it is loaded, its id or import path; empty where nobody knows."""
+    """Id or import path by which it is loaded; empty if unknown."""
     instruction: str
     """Instruction of the policy, or what an operator typed."""
     subinstructions: tuple[str, ...]
@@ -239,7 +239,7 @@ class EpisodeInfo:
     """Lenses and mounts of the cameras, as `robot.cameras.describe_cameras` gives them; on a rig
     what its file says about them. A look that moves cameras is in `config`."""
     task_instruction: str = ""
-    """The task's own instruction in this layout, whatever `instruction` is."""
+    """The task's own instruction in this layout, which `instruction` may paraphrase."""
     has_clutch: bool = False
     """Whether rows say which hands led their arms."""
     domain: Domain = Domain.SIM

@@ -128,7 +128,7 @@ class EpisodeStream(EpisodeRows):
                     f"{self._partial} exists: the episode is being recorded by another process, or "
                     "its recording was killed. Recover or delete it first."
                 ) from error
-        try:  # only now, when nobody else can begin one of that name
+        try:  # only now, when no other process can begin one of that name
             check_free(path, *(video_path(path, camera) for camera in info.videos))
             with writing(self._partial):
                 lock(self._file.fileno(), self._partial)

@@ -89,7 +89,7 @@ class TaskSummary:
 
     @property
     def attempted(self) -> str:
-        """Counts of attempts in words; empty where there are none."""
+        """Counts of attempts in words; empty without attempts."""
         if not self.attempts:
             return ""
         begun = sum(each.error != SKIPPED for each in self.attempts)

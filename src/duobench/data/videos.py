@@ -60,7 +60,7 @@ class Camera(Protocol):
 
 
 def count_frames(path: Path) -> int:
-    """Whole frames of a video, which may end anywhere; a `DataError` if there is none."""
+    """Count the whole frames of a video, which may be cut off; a `DataError` if it is missing."""
     try:
         with path.open("rb") as file, av.open(file, "r") as container:
             count = 0
@@ -77,7 +77,7 @@ def count_frames(path: Path) -> int:
 
 
 def describe(path: Path, left_out: int = 0) -> VideoFacts:
-    """Facts of an episode about a finished video; a `DataError` if there is none."""
+    """Facts about a finished video; a `DataError` if it is missing."""
     return VideoFacts(
         frames=count_frames(path), sha256=digest_of(path), left_out=left_out
     )

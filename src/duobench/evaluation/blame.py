@@ -1,4 +1,4 @@
-"""Whose failure an error is: that of the place where it was raised, whatever its class."""
+"""Blame for errors: it depends on where an error was raised, not on its class."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager

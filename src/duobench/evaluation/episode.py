@@ -48,7 +48,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RecordingPlan:
-    """That episodes are recorded, and which of them are kept."""
+    """Plan of a recording of episodes, and which of them are kept."""
 
     split: str
     keep_failures: bool = False
@@ -120,7 +120,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
 
 
 class Closable(Protocol):
-    """Something that is closed when it is not needed any more."""
+    """Object that is closed when it is not needed any more."""
 
     def close(self) -> None:
         """Free what it holds."""
@@ -291,7 +291,7 @@ class EpisodeRunner:
             elif recording is not None:
                 reason = escaped(f"{type(caught).__name__}: {caught}")
                 recording.finish(kept=False, reason=reason)
-            self._latest.close()  # whatever broke may have left it in any state
+            self._latest.close()  # a failure may have left it in any state
             if fault is not None:
                 raise fault from caught
             error = caught

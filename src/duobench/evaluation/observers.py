@@ -21,7 +21,7 @@ def load_observer(path: str) -> Observer[Any]:
     """Return the observer that an import path `module:NAME` names.
 
     NAME is an observer, or a class or a function that makes one when it is called without
-    arguments. Whatever the observer raises becomes an `ObserverError` that names it.
+    arguments. Every error of the observer becomes an `ObserverError` that names it.
 
     Raises:
         ImportPathError: The module cannot be imported.

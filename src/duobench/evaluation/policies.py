@@ -156,7 +156,7 @@ def source(
         batching: How many observations a batch of a `BatchPolicy` has; None takes the default.
 
     Raises:
-        UnknownNameError: If there is none of that name, or no such variety.
+        UnknownNameError: If the name or its variety is unknown.
         PolicyError: If the module or its attribute is missing, or gives something else; if a task
             has no expert.
     """

@@ -43,7 +43,7 @@ class PartRecipe:
     orientation: str
     colour: str
     colour_changes: list[tuple[float, str]]
-    """From which height (mm above the bed) on it has another colour."""
+    """Heights in mm above the bed from which it has another colour."""
     layer_mm: float
     walls: int
     infill_percent: int

@@ -200,7 +200,7 @@ class Mark:
     """Place of one object: x and y in mm from the middle of the robot's base, yaw in degrees."""
 
     name: str
-    """With the variant that the layout has of it, such as "board 4"."""
+    """Name with the variant of the layout, such as "board 4"."""
     x: float
     y: float
     yaw: float

@@ -40,7 +40,7 @@ class Workspace:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Obstacle:
-    """Something that stands still, and from which arms and hands keep away: an upright box."""
+    """Fixed obstacle that arms and hands keep away from: an upright box."""
 
     centre: Point
     """Its middle in the table frame, in metres."""

@@ -181,16 +181,16 @@ class FrankaDuo:
             self._controller.hold()
 
     def see(self, cameras: Iterable[str]) -> None:
-        """Say through which cameras somebody looks while commands are followed; all at first.
+        """Set the cameras in use while commands are followed; all at first.
 
         Only their images may not be late then.
         """
         self._watchdog.seen = frozenset(cameras)
 
     def watch_person(self, look: Callable[[], None]) -> None:
-        """Have somebody looked for a hundred times a second while arms or fingers may move.
+        """Check for a person a hundred times a second while arms or fingers may move.
 
-        `look` holds the arms where nobody is there.
+        `look` holds the arms without a person.
         """
         self._watchdog.look = look
 
@@ -384,7 +384,7 @@ class FrankaDuo:
         rest = target + speeds * np.abs(speeds) / (2.0 * self._accelerations)
         try:
             problem = self.guard.problem(target) or self.guard.problem(rest)
-        except Exception as error:  # noqa: BLE001 - whatever it is, nobody looks out then
+        except Exception as error:  # noqa: BLE001 - after any error the arms are unwatched
             return FaultKind.CONTROLLER.fault(
                 f"The guard failed: {escaped(repr(error))}"
             )

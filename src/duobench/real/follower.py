@@ -105,7 +105,7 @@ class Follower:
                 1.0, change / max(np.abs(turn).max(), change)
             )
             velocity = self._within(velocity, dt)
-        # Last, so that it holds whatever else changes; from any speed that was allowed a joint can
+        # Last, so that nothing else changes it; from any speed that was allowed a joint can
         # stop before its range ends.
         return np.minimum(np.maximum(velocity, least), largest)
 

@@ -113,7 +113,7 @@ class Guard:
             sim = self._at(joints)
             best: Clearance | None = None
             for one, other, margin in self._near_pairs(sim, within):
-                # Overlaps count whatever is looked for.
+                # Overlaps always count.
                 most = within if best is None else best.room + margin
                 reach = max(most, 0.0)
                 distance = mujoco.mj_geomDistance(
@@ -166,7 +166,7 @@ class Guard:
         return None
 
     def _rooms(self, joints: Array) -> list[tuple[float, str]]:
-        """By how many metres parts are too near and tools outside, negative, and both in words."""
+        """Missing distances in metres (negative) of parts and of tools outside, with words."""
         with self._lock:
             nearest = self.nearest(joints, MARGIN)
             rooms = [
@@ -250,7 +250,7 @@ class _Part:
     is_prop: bool = False
     """Whether it is an object of a task, which fingers may touch."""
     is_hinged: bool = False
-    """Whether it is a lid or a door, of which nobody knows how far it is open."""
+    """Whether it is a lid or a door, whose angle is unknown."""
 
 
 def _prop_of(name: str, obstacle: Obstacle) -> Prop:

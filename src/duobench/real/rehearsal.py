@@ -101,7 +101,7 @@ class RehearsalWorld:
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self.lock = threading.RLock()
-        """Held by whoever looks at `simulation` while the world runs."""
+        """Lock for reading `simulation` while the world runs."""
         self.arms = {side: MountedArm() for side in SIDES}
         self.grippers = {side: GripperRegisters() for side in SIDES}
         """Registers of the grippers by mount; a test cuts their power here."""

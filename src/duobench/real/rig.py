@@ -137,7 +137,7 @@ class ArmConfig:
 
     @property
     def tool_thresholds(self) -> tuple[float, ...]:
-        """Those at the tool (6,): forces in N along x, y and z, then moments in N·m about them."""
+        """Limits at the tool (6,): forces in N along x, y and z, then moments in N·m about them."""
         return (self.force_threshold,) * 3 + (self.moment_threshold,) * 3
 
 

@@ -60,9 +60,9 @@ class PublishedResults:
     policies: dict[str, str]
     """Names for people, by the name that follows `paper:`."""
     tasks: dict[str, dict[str, Value | int]]
-    """By id of the task and by policy: a rate with a progress, or successes."""
+    """Results by task id and policy: a rate with a progress, or successes."""
     means: dict[str, Mean] = field(default_factory=dict)
-    """By category; `overall` is the one over all tasks."""
+    """Means by category; `overall` is the mean over all tasks."""
 
 
 @cache
@@ -320,7 +320,7 @@ def read_named(source: str) -> tuple[str, list[RunPart]]:
 
 
 def split_name(source: str) -> tuple[str, Path, Shift | None]:
-    """The name, empty if there is none, the path, and the shift of a source, if it has one."""
+    """Split a source into its name (or ""), its path, and its shift, if it has one."""
     name, is_named, path = source.partition("=")
     if not (is_named and name and path) or Path(source).exists():
         name, path = "", source

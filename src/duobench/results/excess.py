@@ -42,7 +42,7 @@ class Excess:
         speed: float,
         limits: DuoLimits,
     ) -> Self:
-        """From commands (1 + steps, 16) that were requested, and those (steps, 16) that were sent.
+        """Compute the excess of requested commands (1 + steps, 16) over sent targets (steps, 16).
 
         The first of the former is where the arms were at the start.
         """

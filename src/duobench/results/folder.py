@@ -263,7 +263,7 @@ class RunFolder(RunReader):
 
     @property
     def is_begun(self) -> bool:
-        """Whether an attempt at an episode has begun, or somebody else is writing."""
+        """Whether an attempt at an episode has begun, or another process is writing."""
         return len(self.writers) > 1 or any(
             isinstance(each, Begun) for each in self.entries()
         )
@@ -324,7 +324,7 @@ class RunFolder(RunReader):
 
         A run may grow: with more episodes or shifts than before, those that are there stay. A run
         that has not finished a single episode holds nothing to keep, so that whatever was wrong
-        with it can be corrected, unless somebody else is writing it: its description is replaced.
+        with it can be corrected, unless another process is writing it: its description is replaced.
 
         Raises:
             OtherRunError: If the folder holds another run, or files that belong to none.
@@ -409,7 +409,7 @@ class RunFolder(RunReader):
         """The description of the run.
 
         Raises:
-            EvaluationError: If there is none.
+            EvaluationError: If there is no run.
         """
         if not self.description.exists():
             raise EvaluationError(

@@ -29,13 +29,13 @@ class EpisodeTimes:
     """How long an episode took, in seconds."""
 
     total: float
-    """From its environment to its record."""
+    """Time from its environment to its record."""
     simulation: float
     rendering: float
     policy: float
     """The policy's answers; for one at a server that somebody else runs, until they came."""
     waiting: float
-    """For the policy's process: until it was this episode's turn, and on the way."""
+    """Time of waiting for the policy's process, and of transport."""
     video: float
 
 
@@ -59,7 +59,7 @@ class _Attempt(msgspec.Struct, frozen=True, kw_only=True):
     condition: str
     episode: int
     attempt: Annotated[int, msgspec.Meta(ge=1, le=_MOST)]
-    """From 1 on, over all writers and calls."""
+    """Number of the attempt from 1 on, over all writers and calls."""
 
     @property
     def key(self) -> Key:
@@ -215,7 +215,7 @@ class TimeRow:
 
     label: str
     episodes: int
-    """Of how many the time is known."""
+    """Number of episodes whose time is known."""
     total: float
     """Sum of their times in seconds."""
     parts: tuple[float, ...]

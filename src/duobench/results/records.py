@@ -206,13 +206,13 @@ class Record:
     earlier: tuple[str, ...] = ()
     """How each earlier attempt ended, one of `duobench.results.attempts.ENDS`."""
     first_answer: FirstAnswer | None = None
-    """Of the policy to the command that played it; None where it was not asked."""
+    """First chunk of the policy in the command that played it; None if it was not asked."""
     policy: str
     policy_version: str | None
-    """None if unknown."""
+    """Version of the policy; None if unknown."""
     config: EnvConfig
     instruction: str
-    """Of the policy; empty if it failed before its reset."""
+    """Instruction that the policy got; empty if it failed before its reset."""
     success: bool
     success_at_end: bool
     """Whether the constraints of the last stage still held after the last step."""
@@ -247,13 +247,13 @@ class Record:
     excess: Excess | None
     """How far requests went beyond them; None where they changed nothing, and as `sent` is."""
     versions: dict[str, str | None]
-    """Of everything that the result may depend on."""
+    """Versions of everything that the result may depend on."""
     software: Software = Software()
     domain: str = SIM
     rig: str | None = None
     """SHA-256 of the file of the rig on which it was played; None in simulation."""
     judged: Judged | None = None
-    """None in simulation."""
+    """Operator's judgement; None in simulation."""
 
     def __post_init__(self) -> None:
         when = [step for step, _ in self.stage_changes]
@@ -291,7 +291,7 @@ class Record:
 
     @property
     def condition(self) -> Condition:
-        """By whom, where and how it was played."""
+        """Condition under which it was played."""
         return Condition.of(self.policy, self.domain, self.config)
 
     @property

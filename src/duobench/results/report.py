@@ -45,7 +45,7 @@ def read_parts(source: RunReader) -> list[RunPart]:
 
 
 def read_results(source: RunReader) -> tuple[Run, Results]:
-    """A run and what all its records add up to, whatever their conditions; see `read_parts`."""
+    """Run with the results of all its records, under all conditions; see `read_parts`."""
     run = source.read_run()
     return run, scores.summarize(run.suite.tasks, source.read_records(run))
 

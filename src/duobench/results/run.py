@@ -44,7 +44,7 @@ MAX_SHARDS = 10_000
 class Shard:
     """Which part of a run this is: a number from 1 to the count of all parts.
 
-    Together all parts are the run, whatever its episodes grow to. They are dealt out one by one, a
+    Together all parts are the run, also if episodes are added. They are dealt out one by one, a
     task beginning where the one before began plus one, so that every part has some of each task,
     and an episode never moves to another part.
     """
@@ -87,7 +87,7 @@ class Shard:
         return self.count == 1
 
     def part(self, task: int, episodes: range) -> range:
-        """Those of the episodes of a task, by its place in the run from 0, that are in it."""
+        """Episodes of a task in this shard; the task is given by its place in the run, from 0."""
         # Episode i of task t is in the shard whose number is (t + i) modulo the count, plus 1.
         first = (self.number - 1 - task - episodes.start) % self.count
         return range(episodes.start + first, episodes.stop, self.count)

@@ -1,6 +1,6 @@
 """Scores of records, condition by condition: success, progress, and where episodes ended.
 
-The quantities are those of the paper, computed from records alone, in whatever order they come.
+The quantities are those of the paper, computed from records alone, in any order.
 """
 
 import math
@@ -363,7 +363,7 @@ def _range(numbers: Sequence[str]) -> str:
 
 
 def percent(share: float | None, digits: int = 1) -> str:
-    """A share as per cent; a dash where there is none."""
+    """Share as per cent; a dash for None."""
     return "–" if share is None else f"{100 * share:.{digits}f}"
 
 
@@ -373,5 +373,5 @@ def interval_percent(score: Score) -> str:
 
 
 def progress_text(progress: float | None) -> str:
-    """Mean final progress, with the two digits of the paper; a dash where there is none."""
+    """Mean final progress, with the two digits of the paper; a dash for None."""
     return "–" if progress is None else f"{progress:.2f}"

@@ -18,7 +18,7 @@ from duobench.tasks.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shi
 from duobench.world.looks import catalog as looks
 
 CUSTOM = "custom"
-"""Name of a suite that somebody put together."""
+"""Name of a suite with options of the user's own."""
 DEFAULT_EPISODES = 20
 """Episodes of each task where no suite is named."""
 PAPER_EXECUTE = 30
@@ -67,7 +67,7 @@ class Episode:
     index: int
     has_video: bool = False
     split: str = EVAL
-    """Which layouts it is one of."""
+    """Split of its layouts."""
     shift: Shift = NO_SHIFT
     """Shift from the usual episode of this index."""
 
@@ -296,9 +296,9 @@ class SuiteChoice:
 
 
 def deviations(suite: Suite) -> list[str]:
-    """In what a suite with a name is not what the name stands for, one phrase each.
+    """Differences of a suite from the suite of its name, one phrase each.
 
-    Of a revision that this version does not know nothing is said.
+    Empty for a revision that this version does not know.
     """
     named = SUITES.get(suite.name)
     if named is None or named.revision != suite.revision:
@@ -336,7 +336,7 @@ def execute_text(suite: Suite) -> str:
 
 
 def latency_text(suite: Suite) -> str:
-    """From an observation to the chunk that answers it, in words."""
+    """Latency from an observation to its chunk, in words."""
     steps = suite.execution.latency
     if not steps:
         return "no latency"

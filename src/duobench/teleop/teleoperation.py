@@ -63,7 +63,7 @@ class TeleopState(StrEnum):
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
     OVER = "over"
-    """As many episodes are kept as were wanted."""
+    """The wanted number of episodes is kept."""
 
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
@@ -455,7 +455,7 @@ def make_recorder(
 
     Raises:
         UnknownNameError: There is no such task, action mode or look.
-        OptionError: A number of seconds is none.
+        OptionError: A number of seconds is invalid.
         OtherRunError: The folder holds something else.
     """
     horizon = round(time_limit_s * CONTROL_HZ)

@@ -124,7 +124,7 @@ class RecordPlayer(Player):
         )
 
     def task(self, record: Record) -> TaskInfo:
-        """The task of a record as it is, whatever the run says about it; see `actual_task`."""
+        """Actual task of a record, not as the run describes it; see `actual_task`."""
         return self._task(record.task)
 
     def environment_of(self, record: Record, *, has_images: bool = False) -> gym.Env:
@@ -233,7 +233,7 @@ def command_config(config: EnvConfig) -> EnvConfig:
 
 
 def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
-    """A task of a run as it is, whatever the run says about it; see `RecordPlayer`."""
+    """Load the actual task that a run names; its description there may differ."""
     reference = catalog.trusted(
         claimed.id, claimed.reference, import_tasks=import_tasks
     )

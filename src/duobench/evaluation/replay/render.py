@@ -89,7 +89,7 @@ def _place(
 def choose_few(
     run: Run, records: Sequence[Record], words: Sequence[str]
 ) -> list[Record]:
-    """As `choose`, but "failures" and "all" choose few of many, of all kinds.
+    """Choose records as `choose`, but with "failures" and "all" only a few of every kind.
 
     The first episode of each task, condition and last stage comes first, then the second, until
     there are `MOST_REPLAYS`.

@@ -95,7 +95,7 @@ class LocalExecutor:
         self._ending = ExitStack()
         self._progress: Record | None = None
         self.unplayed: Mapping[Episode, UnplayedError] = self._schedule.abandoned
-        """Those whose task has failed, and why; a death ends this process too."""
+        """Episodes whose task failed, with the error; a death ends this process too."""
 
     @cached_property
     def _runner(self) -> EpisodeRunner:
@@ -521,7 +521,7 @@ def _read(
 
 
 Executor = LocalExecutor | ProcessExecutor
-"""Something that plays episodes, in whatever processes, and writes nothing."""
+"""Executor that plays episodes, in this process or others, and writes nothing."""
 
 
 def executor_for(

@@ -25,7 +25,7 @@ class MakePolicy(msgspec.Struct, tag=True, frozen=True, kw_only=True):
 
 
 class Answering(msgspec.Struct, tag=True, frozen=True):
-    """From the process of a policy: it is made, and answers."""
+    """Report of a policy's process: the policy is made and accepts observations."""
 
     address: PolicyAddress
 

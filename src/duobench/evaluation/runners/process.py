@@ -90,7 +90,7 @@ def death_within(process: Transport, seconds: float) -> str | None:
 
 
 class ProcessFailed(msgspec.Struct, tag=True, frozen=True):
-    """From a process: what it is for cannot be done by any of its kind."""
+    """Report of a process: no process of its kind can do the work."""
 
     error: str
     message: str
@@ -296,7 +296,7 @@ def run_child(
         text = f"A process of the evaluation failed.\n{traceback_text(error)}"
         parent.report(ProcessFailed(error=EvaluationError.__name__, message=text))
     # Exit handlers are the policy's; taking the interpreter down is skipped: graphics drivers
-    # have crashed there. The parent ends whatever is left.
+    # have crashed there. The parent ends the rest.
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(

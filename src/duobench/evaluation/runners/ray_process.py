@@ -124,7 +124,7 @@ class RemoteProcess:
     def poll(self) -> ActorStatus:
         """Wait for messages, a moment at most, and tell how the process is.
 
-        How far an episode is, which nobody waits for, is told with the next other message.
+        The progress of an episode is not urgent: it is sent with the next other message.
         """
         with self._reading:
             death, clock = "it was never started.", ClockReading()

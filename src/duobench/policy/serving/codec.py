@@ -69,7 +69,7 @@ def unpack(data: bytes) -> dict[str, Any]:
 
 
 def read(data: bytes) -> Any:
-    """A message of any type from bytes that anybody may have sent."""
+    """Decode a message of any type from untrusted bytes."""
     _check_size(data)
     try:
         message = msgspec.msgpack.decode(data)

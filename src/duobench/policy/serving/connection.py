@@ -53,7 +53,7 @@ _UNREADABLE = (
     CloseCode.INVALID_DATA,
     CloseCode.MESSAGE_TOO_BIG,
 )
-"""With what this side closes a connection on which it cannot read what comes."""
+"""Close codes of this side for messages that it cannot read."""
 
 
 class ConnectedPolicy(ABC):
@@ -168,7 +168,7 @@ class ConnectedPolicy(ABC):
 
     @contextmanager
     def _exchange(self, *, may_be_old: bool = False) -> Iterator[ClientConnection]:
-        """The connection, made if there is none; all but a policy's own errors end it.
+        """Connection, opened if needed; all errors but a policy's own close it.
 
         One that is old may have been lost before anything was asked.
         """
@@ -214,7 +214,7 @@ class ConnectedPolicy(ABC):
         return ConnectionLostError(fault)
 
     def _has_more(self, connection: ClientConnection) -> bool:
-        """Whether the server has said something that nobody asked for."""
+        """Whether the server has sent an unrequested message."""
         try:
             connection.recv(0)
         except TimeoutError:

@@ -152,7 +152,7 @@ class MessageFormat:
         }
 
     def chunk(self, actions: Any) -> Chunk:
-        """Actions of the server (H, n) as ours; an error if they are none of this format."""
+        """Convert a server's actions (H, n) to ours; an error if they do not have this format."""
         sizes = self.action_sizes
         if dimensions(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
             actions = actions[0]

@@ -27,7 +27,7 @@ LEAST_SUCCESS = 0.99
 LEAST_RATE = 0.95
 """Share of a camera's rate that has to come."""
 LONGEST_ANSWER_S = 0.02
-"""Longest median answer of a gripper; the timer of an adapter adds 16 ms if nobody stops it."""
+"""Longest median answer of a gripper; the timer of an adapter adds 16 ms unless turned off."""
 LEAST_COVERAGE = 0.98
 """Share of the canonical image that a camera should see."""
 

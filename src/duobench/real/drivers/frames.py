@@ -123,7 +123,7 @@ class TickedCamera(LatestFrame):
 
     @abstractmethod
     def _image(self, index: int) -> Image | None:
-        """The next image, of a number; None where it is lost, BackendError where there is none."""
+        """Take the image of a number; None if it is lost. Raises BackendError without a camera."""
 
     def connect(self) -> None:
         """Begin to take images; the first one decides whether they are as the rig says."""

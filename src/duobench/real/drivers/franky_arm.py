@@ -228,7 +228,7 @@ class FrankyArm:
         return is_running
 
     def _note(self, error: BaseException) -> None:
-        """Keep the first thing that went wrong, until somebody recovers the arm."""
+        """Keep the first fault until the arm is recovered."""
         if self._fault is None:
             franky = self._known()
             lost = (

@@ -248,7 +248,7 @@ class RehearsalCamera(TickedCamera):
         super().close()
         self._views.remove(self.name)
 
-    def _image(self, index: int) -> Image:  # noqa: ARG002 - whatever its number
+    def _image(self, index: int) -> Image:  # noqa: ARG002 - the number does not matter
         return self._views.image(self.name)
 
 

@@ -65,7 +65,7 @@ class Status:
     contact: int
     """gOBJ: 0 moving, 1 stopped at something while opening, 2 while closing, 3 at its goal."""
     fault: int
-    """gFLT: 0 is none."""
+    """Fault code gFLT; 0 without a fault."""
     position: int
     """Counts, 0 open to 255 closed."""
 
@@ -230,7 +230,7 @@ class RobotiqGripper:
     def activate(self) -> None:
         """Move the fingers through their whole range, unless it is active and well already.
 
-        Only on a person's word: whatever is between the fingers is squeezed.
+        Only with a person's consent: anything between the fingers is squeezed.
         """
         reading = self.read()
         if reading.is_active and reading.fault is None:

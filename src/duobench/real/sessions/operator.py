@@ -49,7 +49,7 @@ class Operator(Protocol):
         """Show some lines."""
 
     def ask(self, text: str, keys: str) -> str:
-        """Ask for one of some keys, and wait for it; `QUIT` if nobody can answer any more."""
+        """Ask for one of some keys, and wait for it; `QUIT` once the operator is gone."""
         ...
 
     def listen(self, call: KeyCall | None) -> KeyCall | None:
@@ -111,7 +111,7 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
 
 
 def hold_by_key(duo: FrankaDuo, key: str) -> bool:
-    """Hold both arms where a key says so, or nobody is there any more; whether it did."""
+    """Hold both arms if a key says so or the operator is gone; return whether it did."""
     if key not in {"", " "}:
         return False
     duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)

@@ -133,7 +133,7 @@ class PlayedEpisode:
 
     @property
     def invalid(self) -> str:
-        """Why it cannot count, whatever a person says; empty if it can."""
+        """Reason why it cannot count, however it is judged; empty if it can."""
         if self.failure is not None and not self.reasons:
             return f"{type(self.failure).__name__}: {self.failure}"
         is_cable = self.fault is FaultKind.COMMUNICATION and not self.ended_by_success

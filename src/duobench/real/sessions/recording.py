@@ -1,4 +1,4 @@
-"""Recording what a policy does on a rig, with an operator at a terminal: episodes nobody judges.
+"""Recording of a policy on a rig, with an operator at a terminal: episodes are not judged.
 
 Nothing moves without a key. A recorded episode is a policy too: what was sent to the arms then is
 sent again, more slowly.
@@ -175,7 +175,7 @@ class RigRecording(RigSession):
         return self.kept
 
     def close(self) -> None:
-        """End the session: the arms stop, and an episode nobody decided about says so."""
+        """End the session: the arms stop, and an undecided episode says so."""
         try:
             self._runner.env.close()
         finally:

@@ -101,7 +101,7 @@ class RigTeleoperation(Teleoperation):
         self._real.rig.hold(STOPPED)
 
     def advance(self, now_s: float) -> bool:
-        """As in simulation; arms that were held before an episode begins go home again."""
+        """Advance as in simulation; arms that were held before an episode begins go home again."""
         held = None if self._is_stopped else self._real.rig.held
         if held is not None and self._state is TeleopState.WAITING:
             self._operator.say(held)

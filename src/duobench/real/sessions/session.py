@@ -103,9 +103,9 @@ class RigSession:
         self.note = ""
         """The operator's remark about the episode."""
         self.at_end: bool | None = None
-        """Whether the last stage still held at the end; None if nobody said."""
+        """Whether the last stage still held at the end; None if it was not judged."""
         self.lost = ""
-        """Why nobody was at the arms while they might move; empty if somebody was."""
+        """Reason why the operator was absent while arms might move; empty if present."""
         self.is_home = False
         """Whether the operator has sent the arms home for this episode."""
         self.reasons: tuple[str, ...] = ()
@@ -177,7 +177,7 @@ class RigSession:
         return True
 
     def write(self, kind: LogKind, **more: Any) -> None:
-        """Write down what happens, before anybody sees its effect; see `LogEntry`."""
+        """Log an event before its effect is shown; see `LogEntry`."""
 
     def _write_label(self, label: StageLabel) -> None:
         about = {"stage": label.stage, "step": label.step, "time_s": label.time_s}

@@ -67,7 +67,7 @@ class TrialsSession(RigSession):
         duo: The arms; they are started, and belong to the caller.
         task: What is to be done.
         policies: Of each policy its name, as `find_rig_policy` takes it, and what it was trained
-            on: "sim", "real", "mixed", or "" if nobody said.
+            on: "sim", "real", "mixed", or "" if unknown.
         server: The operator's page.
         ending: Frees policies, renderer and log when it ends.
         rater: Who judges in this session, by a pseudonym; empty is who began the evaluation.

@@ -30,7 +30,7 @@ from duobench.world.robot.frames import SHOULDERS
 _FIRM_GRIP_STEPS = 4
 """Control steps in which both arms hold the bar before one lets go."""
 _ALONG = 0.10
-"""From how far, in metres, a tool comes along its axis to the bar, and how far it retreats."""
+"""Distance in metres from which a tool approaches the bar along its axis, and of its retreat."""
 _UPRIGHT_SINE = 1e-6
 _LIFT = 0.10
 """How far the giver lifts, in metres."""

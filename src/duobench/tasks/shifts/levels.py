@@ -50,8 +50,7 @@ LOWERED: Mapping[str, Mapping[str, int]] = {
     LAYOUT: {"hinge_chest": 4, "spring_door": 4},
     LATENCY: {"ball_maze": 3},
 }
-"""By axis and task, the highest level whose bounds a task has, where its expert fails beyond;
-higher levels are as that one."""
+"""Highest level by axis and task beyond which the expert fails; higher levels have its bounds."""
 
 
 def level_for(

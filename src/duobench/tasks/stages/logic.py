@@ -6,7 +6,7 @@ only memories are `since(p, reset=q)`, which can be forgotten, and, for "still f
 were there once says nothing: where coordination is the point, ask for it at the moment that
 matters, or forget it.
 
-A predicate that does not hold says why in words, with `unmet`, if somebody asks.
+A predicate that does not hold says why in words, with `unmet`, on demand.
 """
 
 from __future__ import annotations
@@ -448,7 +448,7 @@ class HeldFor(Predicate):
 
     clock: Clock
     seconds: float
-    """For how long at least, in seconds."""
+    """Least duration in seconds."""
 
     @property
     def steps(self) -> int:
@@ -517,7 +517,7 @@ def all_of(*predicates: Predicate) -> Predicate:
 
 @shared
 def any_of(*predicates: Predicate) -> Predicate:
-    """At least one holds."""
+    """Disjunction: at least one predicate holds."""
     name = " or ".join(p.name for p in predicates)
     asks = tuple(p.ask for p in predicates)
 

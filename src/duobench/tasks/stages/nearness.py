@@ -64,7 +64,7 @@ class Nearness:
         parts = predicate.parts
         match predicate:
             case AllOf():
-                # What the layout chose nobody can change: it only says which alternative counts.
+                # Choices of the layout cannot change: they only say which alternative counts.
                 able = [1.0 * self._holds(part) for part in parts if _is_choice(part)]
                 others = [self.of(part) for part in parts if not _is_choice(part)]
                 near = reduce(operator.mul, able, sum(others) / max(len(others), 1))

@@ -182,7 +182,7 @@ def grasped_apart(one: str, other: str) -> Predicate:
 
 @shared
 def off_table(body: str, *supports: str) -> Predicate:
-    """In contact with neither the table nor any of these supports."""
+    """Contact with neither the table nor any of these supports."""
     names = (TABLE, *supports)
     whole = ~any_of(*(touching(body, name) for name in names))
     return whole.called(f"{body} is off {', '.join(names)}")
@@ -385,7 +385,7 @@ def touching(body: str, other: str) -> Predicate:
 
 @shared
 def rests_on(prop: str, support: str) -> Predicate:
-    """In contact with the support, not with the table, and still (see `still`)."""
+    """Contact with the support, not with the table, and at rest (see `still`)."""
     whole = all_of(touching(prop, support), ~touching(prop, TABLE), still(prop))
     return whole.called(f"{prop} rests on {support}")
 

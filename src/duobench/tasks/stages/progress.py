@@ -1,4 +1,4 @@
-"""From constraints to progress: the rule of the paper, with one owner of the memory.
+"""Progress from constraints: the rule of the paper, with one owner of the memory.
 
 stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. A
 constraint may remember in two ways only: `since(p, reset=q)`, whether p held at an earlier control
@@ -106,13 +106,13 @@ class ProgressState:
     final_holds: bool = False
     """Whether the last stage's constraints hold."""
     remembered: tuple[bool, ...] = ()
-    """For each `since`, in the order of the stages, whether it holds."""
+    """Whether each `since` holds, in the order of the stages."""
     lasted: tuple[int, ...] = ()
-    """For each `held_for`, in the same order, how many control steps have counted."""
+    """Control steps that each `held_for` has counted, in the same order."""
     start_heights: tuple[tuple[str, float], ...] = ()
     """Height of each prop's lowest point when the episode began, in metres."""
     lost: tuple[int, ...] = ()
-    """For each stage, for how many control steps in a row nothing of it has stayed."""
+    """Control steps in a row in which nothing of each stage has stayed."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -128,7 +128,7 @@ class _Judgement:
     running: tuple[Clock, ...]
     """The clocks that it counted for; each other one has stayed as it was, or is at 0."""
     stayed: tuple[bool, ...]
-    """For each stage that was reached, whether what must stay of it did."""
+    """Whether the lasting part of each reached stage has stayed."""
 
 
 def check_names(

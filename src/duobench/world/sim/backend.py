@@ -53,10 +53,10 @@ class SimBackend:
         return self._held
 
     def health(self) -> None:
-        """None: nothing of a simulation breaks but its physics, of which `command` raises."""
+        """Return nothing: only the physics of a simulation can fail, and `command` raises that."""
 
     def image_ages(self) -> dict[str, float]:
-        """None at all: images are rendered when they are asked for."""
+        """Return no ages: images are rendered on demand."""
         return {}
 
     @property

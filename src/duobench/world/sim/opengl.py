@@ -227,7 +227,7 @@ def open_context(
     """Make an OpenGL context and make it current; for child processes only.
 
     Raises:
-        RenderingError: It does not work, whatever was raised.
+        RenderingError: It does not work, for any reason.
     """
     library = None
     try:

@@ -280,7 +280,7 @@ _LOCKS: dict[int, threading.Lock] = {}
 
 
 def current(backend: str | None = None) -> RenderingProcess:
-    """The rendering process of this process, started where there is none that runs.
+    """Rendering process of this process, started unless it runs already.
 
     Args:
         backend: What it renders with, if that matters.
@@ -333,7 +333,7 @@ class _Served:
         arguments: tuple[Any, ...],
         freed: list[int],
     ) -> Any:
-        """Result of a method, or an error: whatever is raised here is of rendering."""
+        """Result of a method; every error in it is a `RenderingError`."""
         try:
             for number in freed:
                 self._free(number)
