@@ -52,7 +52,7 @@ class CameraFrame(Protocol):
     """Red, green, blue (height, width, 3), both even; nothing changes it any more."""
 
 
-class Camera(Protocol):
+class FrameSource(Protocol):
     """A camera that takes images all the time."""
 
     def listen(self, call: Callable[[Any], None] | None) -> None:
@@ -120,7 +120,7 @@ class _Encoder:
     def __init__(
         self,
         path: Path,
-        camera: Camera,
+        camera: FrameSource,
         rate: int,
         waits: bool,
     ) -> None:
@@ -222,7 +222,7 @@ class Videos:
     def __init__(
         self,
         episode: Path,
-        cameras: Mapping[str, Camera],
+        cameras: Mapping[str, FrameSource],
         rates: Mapping[str, int],
         waits: bool,
     ) -> None:

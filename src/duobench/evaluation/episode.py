@@ -151,7 +151,7 @@ class Latest(Generic[V]):
             value.close()
 
 
-class _Setting:
+class _TaskSetup:
     """Environment and policy of a task and a shift, with what records and shows them."""
 
     def __init__(
@@ -208,7 +208,7 @@ class EpisodeRunner:
         self._clock = clock or EpisodeClock()
         self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
-        self._latest: Latest[_Setting] = Latest()
+        self._latest: Latest[_TaskSetup] = Latest()
         metadata = source.metadata
         config = EnvConfig(
             **needed_options(metadata),
@@ -344,14 +344,14 @@ class EpisodeRunner:
         except Exception:  # noqa: BLE001 - the results are there
             _log.warning("The policy could not be closed.", exc_info=True)
 
-    def _prepare(self, episode: Episode) -> _Setting:
+    def _prepare(self, episode: Episode) -> _TaskSetup:
         """Return the setting of a task and a shift; that of others is closed first."""
         with before_policy(episode.task.id):
             return self._latest.get(
                 (episode.task, episode.shift), lambda: self._make(episode)
             )
 
-    def _make(self, episode: Episode) -> _Setting:
+    def _make(self, episode: Episode) -> _TaskSetup:
         config = replace(self.run.candidate.config, shift=episode.shift)
         env = make(episode.task.reference, **asdict(config))
         plan = self._recording
@@ -361,8 +361,8 @@ class EpisodeRunner:
             env.close()
             raise
         if plan is None:
-            return _Setting(env, policy, None)
+            return _TaskSetup(env, policy, None)
         recorder = Recorder(
             env, None, self._actor, after_success=plan.after_success, keep=plan.keeps
         )
-        return _Setting(recorder, policy, recorder)
+        return _TaskSetup(recorder, policy, recorder)

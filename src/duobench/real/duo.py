@@ -26,7 +26,7 @@ from duobench.real.devices import (
 )
 from duobench.real.follower import PERIOD, paced
 from duobench.real.guard import Guard
-from duobench.real.hands import OPEN, Hands
+from duobench.real.hands import OPEN, GripperPair
 from duobench.real.mounts import SWAPPED, are_swapped
 from duobench.real.rig import Rig
 from duobench.real.supervisor import HELD, State, Supervisor
@@ -78,7 +78,7 @@ class FrankaDuo:
         self.world = world
         """World of a rehearsal; None for all other rigs."""
         self.supervisor = Supervisor(self._recover)
-        self.hands = Hands(self.grippers, self.supervisor, clock)
+        self.hands = GripperPair(self.grippers, self.supervisor, clock)
         """The grippers, as the operator has them activated and opened."""
         self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
         self._watchdog = Watchdog(

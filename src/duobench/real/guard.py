@@ -236,7 +236,7 @@ class Guard:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class _Part:
+class _BodyPart:
     """Owner of a geom."""
 
     words: str
@@ -264,13 +264,13 @@ def _prop_of(name: str, obstacle: Obstacle) -> Prop:
     )
 
 
-def _part_of(model: MjModel, geom: int) -> _Part:
+def _part_of(model: MjModel, geom: int) -> _BodyPart:
     number = model.geom_bodyid[geom]
     body, name = model.body(number).name, model.geom(geom).name
     root = model.body_rootid[number]
     if model.body_mocapid[root] >= 0:
         thing = model.body(root).name
-        return _Part(
+        return _BodyPart(
             words=f"the {thing.replace('_', ' ')}",
             is_prop=not thing.startswith(f"{OBSTACLE} "),
             is_hinged=bool(model.body_dofnum[number] > 0),
@@ -287,18 +287,20 @@ def _part_of(model: MjModel, geom: int) -> _Part:
                 if is_finger
                 else f"the {side} gripper"
             )
-            return _Part(
+            return _BodyPart(
                 words=words,
                 side=side,
                 link=7,
                 is_finger=is_finger,
             )
-        return _Part(words=f"the {side} arm's {rest}", side=side, link=int(rest[-1]))
+        return _BodyPart(
+            words=f"the {side} arm's {rest}", side=side, link=int(rest[-1])
+        )
     words = {"table": "the table", "floor": "the floor"}.get(name, "the mount")
-    return _Part(words=words, is_table=name == "table")
+    return _BodyPart(words=words, is_table=name == "table")
 
 
-def _margin(one: _Part, other: _Part) -> float | None:
+def _margin(one: _BodyPart, other: _BodyPart) -> float | None:
     """The distance that two parts keep, in metres; None where it does not matter."""
     if one.side is None or other.side is None:
         arm, still = (one, other) if other.side is None else (other, one)

@@ -19,7 +19,7 @@ OPENING_S = 5.0
 _LOOK_S = 1.0 / 30.0
 
 
-class Hands:
+class GripperPair:
     """The grippers of a rig, as a person uses them; a hold stops the fingers."""
 
     def __init__(

@@ -132,9 +132,9 @@ class Bundle(RunReader):
         except FileError as error:
             raise FileError(f"{path} is no whole bundle: {error}") from error
 
-    def file(self, name: str) -> "_Part":
+    def file(self, name: str) -> "_BundleFile":
         """A part by its name, whether or not there is one."""
-        return _Part(f"{self.path}: {name}", self._parts.get(name))
+        return _BundleFile(f"{self.path}: {name}", self._parts.get(name))
 
     def names(self) -> Iterable[str]:
         """Names of all records."""
@@ -163,7 +163,7 @@ class Bundle(RunReader):
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _BundleFile:
     """A part that is read as a file is."""
 
     place: str

@@ -170,7 +170,7 @@ class Cell:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Check:
+class ReplayCheck:
     """Result of playing the records of a condition again."""
 
     verified: str = "not checked"
@@ -179,8 +179,8 @@ class Check:
     """How many records have which verdict, and what is wrong."""
 
 
-NOT_CHECKED = Check()
-Checker = Callable[[Path, Collection[Key]], Mapping[str, Check]]
+NOT_CHECKED = ReplayCheck()
+Checker = Callable[[Path, Collection[Key]], Mapping[str, ReplayCheck]]
 """Play some records of a run or bundle again; a check for each condition, by its name."""
 
 
@@ -199,7 +199,7 @@ class Entrant:
     """Played part of a run; None for a published policy."""
     quoted: str = ""
     """Name of a published policy: `paper:ACT`."""
-    check: Check = NOT_CHECKED
+    check: ReplayCheck = NOT_CHECKED
     """Whether its records were verified."""
 
     def records(self, task_id: str) -> tuple[Record, ...]:
@@ -273,7 +273,7 @@ def _read(source: str, checker: Checker | None) -> list[Entrant]:
         title = f"{results.policies[policy]} [{results.name}]"
         return [Entrant(title=title, group=Group.ELSEWHERE, quoted=source)]
     name, parts = read_named(source)
-    checks: Mapping[str, Check] = {}
+    checks: Mapping[str, ReplayCheck] = {}
     if checker is not None:
         keys = [record.key for part in parts for record in part.records]
         checks = checker(split_name(source)[1], keys)

@@ -54,7 +54,7 @@ class Started(
     """Processes that play side by side; 0 if the writer itself plays."""
 
 
-class _Attempt(msgspec.Struct, frozen=True, kw_only=True):
+class _AttemptLine(msgspec.Struct, frozen=True, kw_only=True):
     task: str
     condition: str
     episode: int
@@ -67,11 +67,11 @@ class _Attempt(msgspec.Struct, frozen=True, kw_only=True):
         return Key(self.task, self.condition, self.episode)
 
 
-class Begun(_Attempt, tag="begun", tag_field="kind", frozen=True, kw_only=True):
+class Begun(_AttemptLine, tag="begun", tag_field="kind", frozen=True, kw_only=True):
     """An attempt at an episode begins."""
 
 
-class Ended(_Attempt, tag="ended", tag_field="kind", frozen=True, kw_only=True):
+class Ended(_AttemptLine, tag="ended", tag_field="kind", frozen=True, kw_only=True):
     """An attempt has ended."""
 
     how: str

@@ -24,7 +24,7 @@ class Intent:
     """Whether an arm was kept from where its hand wants it."""
 
 
-class Device(Protocol):
+class TeleopDevice(Protocol):
     """Device with which an operator leads both arms."""
 
     action_mode: str

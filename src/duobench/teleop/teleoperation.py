@@ -21,7 +21,7 @@ from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
 from duobench.tasks.task import Task
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
-from duobench.teleop.intent import Device, Intent
+from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import (
     Discard,
     Hands,
@@ -93,7 +93,7 @@ class Teleoperation:
     def __init__(
         self,
         env: Recorder,
-        device: Device,
+        device: TeleopDevice,
         *,
         episodes: int = 10,
         instruction: str = "",

@@ -327,7 +327,7 @@ def _divergence(
     env: gym.Env,
     recording: Recording,
 ) -> Divergence:
-    comparison, info = _Comparison(recording), recording.info
+    comparison, info = _StateComparison(recording), recording.info
     options: dict[str, Any] = {LAYOUT: info.layout}
     if info.seed is not None:  # what shifts sample follows from it
         options |= {LAYOUT_SEED: info.seed, SPLIT: info.split}
@@ -360,7 +360,7 @@ def _divergence(
     )
 
 
-class _Comparison(Watcher):
+class _StateComparison(Watcher):
     """Watches a replay, and compares each of its rows with the recorded one."""
 
     _simulation: Simulation

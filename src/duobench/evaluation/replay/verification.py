@@ -28,7 +28,7 @@ from duobench.core.versions import differing_arithmetic
 from duobench.envs import action_modes
 from duobench.evaluation.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS
-from duobench.results.entrants import Check
+from duobench.results.entrants import ReplayCheck
 from duobench.results.folder import RunReader
 from duobench.results.journal import end_of
 from duobench.results.records import Key, Record
@@ -182,7 +182,7 @@ def verify(
     )
 
 
-def checks(found: Verification) -> dict[str, Check]:
+def checks(found: Verification) -> dict[str, ReplayCheck]:
     """Return the result of a verification for each condition that has a record, by its name."""
     by_condition: dict[str, list[Finding]] = {}
     for finding in found.findings:
@@ -193,7 +193,7 @@ def checks(found: Verification) -> dict[str, Check]:
     }
 
 
-def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> Check:
+def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> ReplayCheck:
     counts = Counter(finding.verdict for finding in findings)
     unverifiable = counts[Verdict.UNVERIFIABLE]
     if objections or counts[Verdict.CONTRADICTED] or unverifiable == len(findings):
@@ -208,7 +208,7 @@ def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> Check:
         if finding.verdict is verdict
     ]
     first = [*objections, *wrong][:1]
-    return Check(
+    return ReplayCheck(
         verified=verified,
         details=". ".join([", ".join(said), *(_short(each) for each in first)]),
     )

@@ -54,7 +54,7 @@ class Memory:
     slots=True,
     eq=False,
 )
-class Clock:
+class StepClock:
     """Counter of the control steps at which a predicate holds."""
 
     of: Predicate
@@ -85,7 +85,7 @@ class StateView:
     variants: Mapping[str, str]
     remembered: frozenset[Memory]
     """Memories of earlier steps of this episode that are not cleared."""
-    lasted: Mapping[Clock, int] = field(default_factory=dict[Clock, int])
+    lasted: Mapping[StepClock, int] = field(default_factory=dict[StepClock, int])
     """Control steps that each clock has counted, this one included."""
     past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
@@ -446,7 +446,7 @@ def kept(
 class HeldFor(Predicate):
     """A predicate that has held for some time."""
 
-    clock: Clock
+    clock: StepClock
     seconds: float
     """Least duration in seconds."""
 
@@ -481,7 +481,7 @@ def held_for(
     """
     if not 0 < seconds < math.inf:
         raise TaskError(f"A time that something holds is above 0 s, got {seconds!r}.")
-    clock = Clock(of=predicate, reset=reset)
+    clock = StepClock(of=predicate, reset=reset)
     steps = _steps(seconds)
     return HeldFor(
         f"{predicate.name} for {seconds:g} s" + ("" if reset is None else " in all"),

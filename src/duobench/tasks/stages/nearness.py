@@ -16,12 +16,12 @@ import numpy as np
 from duobench.tasks.stages.logic import (
     AllOf,
     AnyOf,
-    Clock,
     HeldFor,
     Not,
     Predicate,
     Since,
     StateView,
+    StepClock,
 )
 from duobench.tasks.stages.predicates import AtLeast, VariantIs
 
@@ -42,7 +42,7 @@ class Nearness:
         self,
         view: StateView,
         holds: Callable[[Predicate], Any],
-        lasted: Callable[[Clock], Any],
+        lasted: Callable[[StepClock], Any],
     ) -> None:
         self._view, self._holds, self._lasted = view, holds, lasted
         self._known: dict[Predicate, Any] = {}

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 from duobench.core.errors import TaskError, UnknownNameError
 from duobench.core.types import CONTROL_HZ
 from duobench.tasks.stages.logic import (
-    Clock,
     HeldFor,
     Memory,
     Predicate,
     Since,
     StateView,
+    StepClock,
     Words,
 )
 from duobench.tasks.stages.nearness import Nearness
@@ -73,7 +73,7 @@ def memories_in(predicates: Iterable[Predicate]) -> tuple[Memory, ...]:
     return tuple(dict.fromkeys(part.memory for part in sinces_in(predicates)))
 
 
-def clocks_in(predicates: Iterable[Predicate]) -> tuple[Clock, ...]:
+def clocks_in(predicates: Iterable[Predicate]) -> tuple[StepClock, ...]:
     """The clocks of these predicates, each once, inner ones first."""
     inner = (part for predicate in predicates for part in predicate.walk())
     return tuple(
@@ -125,7 +125,7 @@ class _Judgement:
     seen: tuple[tuple[Predicate, bool], ...]
     """Predicates that looked at the step, in the order in which they were asked, and their
     values."""
-    running: tuple[Clock, ...]
+    running: tuple[StepClock, ...]
     """The clocks that it counted for; each other one has stayed as it was, or is at 0."""
     stayed: tuple[bool, ...]
     """Whether the lasting part of each reached stage has stayed."""
@@ -208,7 +208,7 @@ class Progress:
         self._memories = memories_in(constraints)
         self._remembered: frozenset[Memory] = frozenset()
         self._clocks = clocks_in(constraints)
-        self._lasted: dict[Clock, int] = {}
+        self._lasted: dict[StepClock, int] = {}
         self._start_heights: dict[str, float] = {}
         self._variants: Mapping[str, str] = {}
         self.stage = 0
@@ -361,7 +361,7 @@ class Progress:
     def _judge(self, state: StateView) -> tuple[bool, ...]:
         """Ask all that matters at a step; return what stays of each stage that is reached."""
         before = self.stage, self._remembered
-        running: list[Clock] = []
+        running: list[StepClock] = []
         for clock, count in self._lasted.items():
             self._lasted[clock] = clock.after(state, count)
             if self._lasted[clock] > count:
@@ -386,7 +386,7 @@ class Progress:
     def _view(
         self,
         simulation: Simulation,
-        lasted: Mapping[Clock, int],
+        lasted: Mapping[StepClock, int],
         answers: dict[Predicate, bool],
     ) -> StateView:
         return StateView(

@@ -129,7 +129,7 @@ def _spread(content: bytes, arrays: list[Array]) -> None:
         start += array.nbytes
 
 
-class _Channel:
+class _RenderChannel:
     """One end of a connection on which two processes take turns.
 
     A message is in memory that they share, and the connection says how long it is.
@@ -186,7 +186,7 @@ class RenderingProcess:
                 memory = os.memfd_create("duobench-images")
                 os.ftruncate(memory, ROOM)
                 socket.send_fds(ours, [b"memory"], [memory])
-                self._channel = _Channel(ours, memory)
+                self._channel = _RenderChannel(ours, memory)
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", code],
                     env=child_environment(backend),
@@ -308,7 +308,7 @@ def serve(backend: str, parent: int) -> None:
     watch_parent(parent, lambda: os._exit(1))
     connection = socket.socket(fileno=0)
     _, (memory,), _, _ = socket.recv_fds(connection, _HEAD, 1)
-    channel, served = _Channel(connection, memory), _Served(backend)
+    channel, served = _RenderChannel(connection, memory), _Served(backend)
     with suppress(EOFError, OSError):
         while True:
             answer = served.answer(*channel.receive())

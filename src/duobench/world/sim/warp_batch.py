@@ -77,7 +77,7 @@ class WarpBatch(SimulationBatch):
             name: _flat(name, array.numpy()) for name, array in self._copies.items()
         }
         """Arrays that were copied from the engine last."""
-        super().__init__(simulation, count, _Named(self.arrays))
+        super().__init__(simulation, count, _NamedArrays(self.arrays))
         self._scratch, self._graph = mujoco.MjData(model), None
         shape = SUBSTEPS, count, model.nu
         self._ramp = self._warp.zeros(shape, dtype=float)
@@ -185,7 +185,7 @@ class WarpBatch(SimulationBatch):
         return self.simulation
 
 
-class _Named:
+class _NamedArrays:
     """Arrays under their names."""
 
     def __init__(self, arrays: dict[str, NDArray[Any]]) -> None:
