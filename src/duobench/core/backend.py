@@ -112,7 +112,7 @@ class DuoBackend(Protocol):
 
     @property
     def held(self) -> str | None:
-        """Why the arms are held; None while they follow commands."""
+        """Reason why the arms are held; None while they follow commands."""
         ...
 
     def health(self) -> str | None:

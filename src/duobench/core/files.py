@@ -55,7 +55,7 @@ TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; what still has it after a crash is rubbish."""
 
 SCRATCH = ".duobench-"
-"""How names of folders for temporary files begin, which lie in an output if nowhere else."""
+"""Prefix of folders for temporary files, which may have to lie in an output."""
 
 _ZIP_DATE, _ZIP_UNIX, _ZIP_MODE = (1980, 1, 1, 0, 0, 0), 3, stat.S_IFREG | 0o644
 _LOCK_TURN_S = 0.05

@@ -37,7 +37,7 @@ _KEPT = 100
 
 
 def unsupported(system: str = sys.platform, architecture: str | None = None) -> str:
-    """Why nothing can be played on a platform, and what to do; empty where nothing is known."""
+    """Reason why a platform is not supported, and what to do; empty if none is known."""
     if system == "win32":
         return "DuoBench does not run on Windows itself: install it in WSL 2, which is Linux."
     if system == "darwin" and (architecture or platform.machine()) == "x86_64":

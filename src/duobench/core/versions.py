@@ -141,7 +141,7 @@ def _about_processor(what: str) -> str | None:
 
 
 def differing_arithmetic(versions: Mapping[str, str | None]) -> list[str]:
-    """Why a replay here need not have the bits of an episode with those `record_versions`.
+    """Reasons why a replay here may differ in bits from an episode with those `record_versions`.
 
     One phrase a difference, such as "mujoco 4.0.0 instead of 4.0.1"; nothing if it must have them.
     """

@@ -1,4 +1,4 @@
-"""How episodes went that were begun for a data set, those among them that it does not hold."""
+"""Attempts at episodes of a data set, also at those that it does not hold."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 OBSERVED = ("agent_pos", "tcp_pose")
 """Parts of the observation that are recorded as they are."""
 UNDECIDED = "Nobody said whether to keep it."
-"""Why an episode is not meant to be used that was left while it waited."""
+"""Reason why an episode that was left undecided is not meant to be used."""
 
 
 class Recorder(DuoWrapper):
@@ -289,7 +289,7 @@ class Recorder(DuoWrapper):
 
     @property
     def pending(self) -> Outcome | None:
-        """How the episode ended that waits for `keep` or `discard`; None while none does."""
+        """Outcome of the episode that waits for `keep` or `discard`; None otherwise."""
         return self._episode and self._episode.info.outcome
 
     def keep(self) -> None:
@@ -298,7 +298,7 @@ class Recorder(DuoWrapper):
             self._write()
 
     def correct(self, changes: Iterable[tuple[int, int]], *, holds: bool) -> None:
-        """Have the episode that waits, if one does, say what a person judged after it was over.
+        """Set a person's judgement of the waiting episode, if one waits.
 
         Args:
             changes: Pairs (control step, stage), each in the rows after that step, or in the last.

@@ -182,7 +182,7 @@ class Actor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Outcome:
-    """How an episode ended."""
+    """End of an episode."""
 
     success: bool
     stage: int
@@ -191,7 +191,7 @@ class Outcome:
     kept: bool = True
     """Whether it is meant to be used."""
     reason: str | None = None
-    """Why it is not, what made it crash, or why the arms ended it."""
+    """Reason why it is not, what made it crash, or why the arms ended it."""
     cut: bool = False
     """Whether it ended before the environment ended it."""
     success_step: int | None = None
@@ -211,7 +211,7 @@ class EpisodeInfo:
     subinstructions: tuple[str, ...]
     """Instructions at stages 0, 1, ... that lead to the next one."""
     layout: dict[str, Any]
-    """How the episode began: the JSON form of a `Layout`; empty on real arms."""
+    """Layout at the start in the JSON form of `Layout`; empty on real arms."""
     seed: int | None
     """Seed that sampled the layout; None if it was given."""
     split: str | None
@@ -223,7 +223,7 @@ class EpisodeInfo:
     """Versions of the packages that the episode depends on."""
     actor: Actor
     outcome: Outcome | None = None
-    """How it ended; None while it is being recorded."""
+    """Outcome; None while it is being recorded."""
     first_hash: str | None = None
     """Hash of the `EpisodeState` of the first row; None on real arms."""
     last_hash: str | None = None

@@ -38,7 +38,7 @@ _REMEMBERED = 64
 _COLUMNS = ("frame", "frame_number", "frame_age")
 """Columns of a row about frames."""
 _LONGEST_WAIT_S = 60.0
-"""How long a camera waits for an encoder that does nothing, where it waits."""
+"""Seconds that a camera waits for an encoder that does nothing, if it waits."""
 
 
 class CameraFrame(Protocol):
@@ -56,7 +56,7 @@ class FrameSource(Protocol):
     """A camera that takes images all the time."""
 
     def listen(self, call: Callable[[Any], None] | None) -> None:
-        """Have every frame from now on given to a call, in any thread; None ends it."""
+        """Give every frame from now on to a call, in any thread; None ends it."""
 
 
 def count_frames(path: Path) -> int:
@@ -146,7 +146,7 @@ class _Encoder:
             raise self._error
 
     def take(self, frame: CameraFrame) -> None:
-        """Have a frame encoded, unless it was taken already, or is older than the last one."""
+        """Encode a frame, unless it was taken already or is older than the last one."""
         with self._lock:
             last = self._accepted[-1]
             if (

@@ -207,7 +207,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         return self._observation(), 0.0, False, reason is not None, info
 
     def _truncation_reason(self) -> str | None:
-        """Why the arms, which hold then, cannot go on; None where they can."""
+        """Reason why the arms hold and cannot continue; None if they can."""
         backend = self.backend
         if backend.held is None and (
             fault := backend.health() or _stale(backend.image_ages())

@@ -85,7 +85,7 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     suite: Suite
     limits: TimeLimits = TimeLimits()
     videos: int = 0
-    """How many episodes of each task, from the first on, have a video."""
+    """Number of episodes of each task, from the first on, with a video."""
     recording: RecordingPlan | None = None
 
 
@@ -102,7 +102,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     def objection(
         self, episode: Episode, run: Run, plan: RecordingPlan | None
     ) -> str | None:
-        """Why this is not the episode of a run that was to be played; None if it is."""
+        """Reason why this is not the wanted episode of a run; None if it is."""
         wrong = run.objection(self.record, episode)
         if wrong is not None:
             return f"its record is another one: {wrong}"
@@ -169,7 +169,7 @@ class _TaskSetup:
 
 
 def _inference(source: PolicySource) -> str | None:
-    """How a policy infers, for people: what its numbers may depend on beside its version."""
+    """Inference of a policy in words: all but the version that its actions may depend on."""
     metadata, batching = source.metadata, source.batching
     parts = [f"{batching.mode} batches of {batching.size}"] if batching else []
     parts += [part for part in (metadata.dtype, metadata.device) if part]
@@ -307,7 +307,7 @@ class EpisodeRunner:
         )
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy act twice on the first observation of an episode, which is not played."""
+        """Let the policy act twice on the first observation of an episode, which is not played."""
         setting = self._prepare(episode)
         env, policy = setting.env, setting.policy
         (size,) = env.action_space.shape or (0,)

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 REST_S = 1.0
 """Longest time in seconds that arms are given to come to rest before they stop, damped."""
 HOME_TOLERANCE = 0.03
-"""How near in radians a joint has to be home, which an arm with low gains may miss by a little."""
+"""Distance from home in radians that counts as home: low gains leave a small error."""
 SETTLE_S = 5.0
 """Seconds that arms may take to come to rest, and grippers to open."""
 
@@ -99,7 +99,7 @@ class FrankaDuo:
         self._home_fractions = np.array(slow)
         self._due = 0.0
         self.late_s = 0.0
-        """How many seconds too late the last command came."""
+        """Seconds by which the last command came too late."""
         self.time = 0.0
         """Seconds on the rig's clock when the latest state was measured."""
         self._last: DuoCommand | None = None
@@ -196,7 +196,7 @@ class FrankaDuo:
 
     @property
     def held(self) -> str | None:
-        """Why the arms are held; None while they follow commands."""
+        """Reason why the arms are held; None while they follow commands."""
         return self.supervisor.reason
 
     @property
@@ -376,7 +376,7 @@ class FrankaDuo:
             self._watchdog.feed()
 
     def _guard_fault(self, last: Array, target: Array) -> Fault | None:
-        """Why the guard does not let a command pass; None if it does."""
+        """Reason why the guard rejects a command; None if it accepts it."""
         if self.guard is None:
             return None
         # Where arms come to rest that brake at the target.
@@ -393,7 +393,7 @@ class FrankaDuo:
         return FaultKind.CONTACT.fault(f"The guard refused a command: {problem}")
 
     def _engage(self) -> None:
-        """Have the arms track their followers, from where they are."""
+        """Let the arms track their followers, from where they are."""
         if self._controller.is_engaged:
             return
         try:
@@ -447,7 +447,7 @@ class FrankaDuo:
 
     @property
     def waits(self) -> int:
-        """How often the arms came to rest and waited for an image that was late."""
+        """Number of times that the arms rested and waited for a late image."""
         return self._watchdog.waits
 
     def image_ages(self) -> dict[str, float]:

@@ -36,7 +36,7 @@ FINGER_MARGIN = 0.01
 """Distance of fingers from the other arm, and of a hand from its own arm: hands work together.
 Experts of the tasks that the paper rebuilt keep it [measured]."""
 TABLE_DEPTH = 0.002
-"""How far fingers may be told to press on the table, in metres: they grasp what lies on it."""
+"""Depth in metres to which fingers may be sent into the table: they grasp what lies on it."""
 PROP_MARGIN = 0.01
 """Distance in metres that arms and hands keep from what stands fixed in a layout. Fingers may touch
 it: they lift its lid, and grasp what lies in it."""
@@ -51,7 +51,7 @@ _GREY = (0.5, 0.5, 0.5, 1.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clearance:
-    """How near two parts are."""
+    """Distance of two parts."""
 
     distance: float
     """Their distance in metres; negative where they overlap."""

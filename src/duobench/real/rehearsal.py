@@ -243,7 +243,7 @@ class RehearsalWorld:
     # --- physics ---------------------------------------------------------------------------------
 
     def _install(self, simulation: Simulation) -> None:
-        """Have the world be a simulation, whose arms get the gains of the rig."""
+        """Make the world a simulation, whose arms get the gains of the rig."""
         self.simulation = simulation
         model, data = simulation.model, simulation.data
         # Sparse matrices are factored wrongly in rare cases; see `Simulation.advance`.

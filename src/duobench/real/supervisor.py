@@ -64,7 +64,7 @@ class Supervisor:
 
     @property
     def reason(self) -> str | None:
-        """Why the arms are held; None while they are not."""
+        """Reason why the arms are held; None otherwise."""
         return self._reason
 
     @property

@@ -20,7 +20,7 @@ from duobench.results.labels import Fault, FaultKind
 _log = logging.getLogger(__name__)
 
 WATCH_HZ = 100.0
-"""How often a second everything is asked whether it is well."""
+"""Health checks a second."""
 STOP_AFTER_S = 30.0
 """Seconds without a command after which the arms stop, damped, instead of holding."""
 MAX_ARM_AGE_S = 0.1

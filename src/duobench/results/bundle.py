@@ -60,7 +60,7 @@ class Manifest:
     commands: tuple[str, ...]
     """The commands that played it; none where that is not known."""
     attempts: dict[str, tuple[str, ...]]
-    """How the attempts at each episode ended, see `RunReader.attempts`."""
+    """Ends of the attempts at each episode, see `RunReader.attempts`."""
     parts: dict[str, str]
     """SHA-256 of each other part, by its name."""
 
@@ -145,7 +145,7 @@ class Bundle(RunReader):
         return list(self.manifest.commands)
 
     def attempts(self) -> dict[str, tuple[str, ...]]:
-        """How the attempts at each episode ended, as its manifest says."""
+        """Ends of the attempts at each episode, from its manifest."""
         return self.manifest.attempts
 
     def _check_run(self) -> None:

@@ -123,9 +123,9 @@ class Cell:
     """Result of a policy on one task, or on several together."""
 
     episodes: int
-    """How many; of a mean in the paper, of each task."""
+    """Number of episodes; for a mean in the paper, of each task."""
     successes: int | None
-    """How many succeeded; None where only the rate is known."""
+    """Number of successes; None if only the rate is known."""
     rate: float
     interval: tuple[float, float] | None
     """95 % Wilson interval of it; None where only the rate is known."""
@@ -176,7 +176,7 @@ class ReplayCheck:
     verified: str = "not checked"
     """Result: "yes", "in part" (some records cannot be played again), "no" or "not checked"."""
     details: str = ""
-    """How many records have which verdict, and what is wrong."""
+    """Counts of verdicts, and the first problem."""
 
 
 NOT_CHECKED = ReplayCheck()

@@ -97,7 +97,7 @@ class RunReader(ABC):
 
     @abstractmethod
     def attempts(self) -> dict[str, tuple[str, ...]]:
-        """How the attempts at each episode ended, first to last, by the path of its key.
+        """Ends of the attempts at each episode, first to last, by the path of its key.
 
         Each is one of `duobench.results.attempts.ENDS`; of what was not noted nothing is known.
         """
@@ -226,7 +226,7 @@ class RunFolder(RunReader):
         return list(dict.fromkeys(filter(None, last.values())))
 
     def attempts(self) -> dict[str, tuple[str, ...]]:
-        """How the attempts at each episode ended, as journals say."""
+        """Ends of the attempts at each episode, from the journals."""
         return {key.path: ends for key, ends in read_attempts(self.entries()).items()}
 
     def record(self, key: Key) -> Path:

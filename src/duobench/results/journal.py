@@ -26,7 +26,7 @@ _MOST = 10_000  # attempts at one episode
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EpisodeTimes:
-    """How long an episode took, in seconds."""
+    """Times of an episode in seconds."""
 
     total: float
     """Time from its environment to its record."""
@@ -79,7 +79,7 @@ class Ended(_AttemptLine, tag="ended", tag_field="kind", frozen=True, kw_only=Tr
     steps: int = 0
     workers: int = 0
     times: EpisodeTimes | None = None
-    """How long it took; None where that is not known, as where a policy had to be stopped."""
+    """Times of the attempt; None if unknown, as when a policy had to be stopped."""
 
 
 Entry = Started | Begun | Ended
@@ -95,12 +95,12 @@ def read_entries(path: Path) -> list[Entry]:
 
 
 def end_of(record: Record) -> str:
-    """How an attempt ended of which there is a record."""
+    """End of an attempt that has a record."""
     return ERROR if record.error else SUCCESS if record.success else FAILURE
 
 
 def read_attempts(entries: Iterable[Entry]) -> dict[Key, tuple[str, ...]]:
-    """How the attempts at each episode ended, first to last, as writers have noted it.
+    """Ends of the attempts at each episode, first to last, as noted by writers.
 
     One that two journals began, and that ended in two ways, is two: folders of one run in which
     both were played were copied together.
@@ -160,7 +160,7 @@ class Journal:
         self._add(Started(command=command, workers=workers))
 
     def earlier(self, key: Key) -> tuple[str, ...]:
-        """How the attempts at an episode ended, without the one that is going on or was last."""
+        """Ends of the earlier attempts at an episode, without the last or current one."""
         return self._attempts.get(key, ())[:-1]
 
     def begin(self, key: Key) -> None:
@@ -211,7 +211,7 @@ class Journal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TimeRow:
-    """How long episodes took together."""
+    """Times of some episodes together."""
 
     label: str
     episodes: int
@@ -224,18 +224,18 @@ class TimeRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunTimes:
-    """How long a run took."""
+    """Times of a run."""
 
     rows: tuple[TimeRow, ...]
     """Task by task where a time is known, then all together where there are several tasks."""
     unknown: int
     """Finished episodes of which no time is known."""
     workers: tuple[int, ...]
-    """How many processes of a writer played side by side, each number once."""
+    """Numbers of processes with which writers played, each number once."""
 
 
 def run_times(results: Results, entries: Iterable[Entry]) -> RunTimes:
-    """How long finished episodes took, the last attempts, as far as writers have noted it."""
+    """Sum up the times of finished episodes (last attempts), as noted by writers."""
     notes = {entry.key: entry for entry in entries if isinstance(entry, Ended)}
     by_task = [
         (

@@ -236,7 +236,7 @@ def invalid_text(trials: Sequence[InvalidTrial]) -> str:
 
 
 def counts_text(values: Iterable[str]) -> str:
-    """How often each value is there, such as "contact (2), person (1)"; empty ones are left out."""
+    """Count values, such as "contact (2), person (1)"; empty ones are left out."""
     counts = Counter(filter(None, values))
     return (
         ", ".join(f"{value} ({count})" for value, count in sorted(counts.items()))

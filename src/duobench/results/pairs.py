@@ -74,7 +74,7 @@ class Pair:
     b: Entrant
     paired: bool
     obstacle: str | None
-    """Why nothing is tested, if nothing is."""
+    """Reason why nothing is tested, if so."""
     conditions: tuple[str, ...]
     """Differences around the policies, one phrase each."""
     left_out: int

@@ -133,7 +133,7 @@ class InvalidTrial:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Judged:
-    """How a person judged an episode on real arms."""
+    """Judgement of an episode on real arms by a person."""
 
     rater: str
     """Pseudonym of the rater."""
@@ -143,12 +143,12 @@ class Judged:
     repeated: tuple[InvalidTrial, ...] = ()
     """Earlier trials of this episode, which are invalid."""
     stopped: str = ""
-    """Why the arms ended the episode; empty if they did not."""
+    """Reason why the arms ended the episode; empty if they did not."""
     fault: FaultKind | None = None
     """Kind of that fault; None if it was none. What counts is a contact, or a limit that
     the operator blamed on the policy."""
     waits: int = 0
-    """How often the arms rested until an image came that was late."""
+    """Number of times that the arms rested for a late image."""
 
     @property
     def is_late(self) -> bool:
@@ -158,7 +158,7 @@ class Judged:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Software:
-    """Which source of the benchmark played an episode; empty where that is not known."""
+    """Version of the benchmark's source that played an episode; empty if unknown."""
 
     decisive: str = ""
     """SHA-256 of all files that decide what an episode is."""
@@ -171,7 +171,7 @@ NOT_REPEATABLE = "not repeatable"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FirstAnswer:
-    """How a policy answers the first observation of a run, before anything is played.
+    """Chunks of a policy for the first observation of a run, before anything is played.
 
     It is reset and asked, and once more with the same seed and observation.
     """
@@ -204,7 +204,7 @@ class Record:
     attempt: int = 1
     """The how-manyeth it was, over all commands."""
     earlier: tuple[str, ...] = ()
-    """How each earlier attempt ended, one of `duobench.results.attempts.ENDS`."""
+    """End of each earlier attempt, one of `duobench.results.attempts.ENDS`."""
     first_answer: FirstAnswer | None = None
     """First chunk of the policy in the command that played it; None if it was not asked."""
     policy: str
@@ -245,7 +245,7 @@ class Record:
     clipped: int | None
     """Control steps at which limits of the arms changed what was to be sent; None as `sent` is."""
     excess: Excess | None
-    """How far requests went beyond them; None where they changed nothing, and as `sent` is."""
+    """Excess of requested targets over the limits; None without excess, and where `sent` is."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
     software: Software = Software()

@@ -172,7 +172,7 @@ class Candidate:
     config: EnvConfig
     """Configuration of its environments, without a shift."""
     batching: Batching | None = None
-    """How many observations it answers together, if that is known."""
+    """Observations in a batch, if known."""
     trained_on: str = ""
     """Data that it was trained on, "sim", "real" or "mixed"; empty if that is not known."""
 
@@ -313,7 +313,7 @@ class Run:
                     yield Key(task.id, name, index)
 
     def counts(self, shard: Shard = WHOLE) -> dict[str, int]:
-        """How many episodes it has of each task, by the task's id, under all conditions."""
+        """Number of episodes of each task, by its id, under all conditions."""
         conditions = len(self.candidates) * len(self.suite.shifts)
         return {
             task.id: conditions * len(shard.part(place, self.suite.indices))
@@ -322,11 +322,11 @@ class Run:
 
     @property
     def size(self) -> int:
-        """How many episodes it has under all conditions."""
+        """Number of episodes under all conditions."""
         return sum(self.counts().values())
 
     def objection(self, record: Record, episode: Episode) -> str | None:
-        """Why a record is not that of an episode of this run; None if it is."""
+        """Reason why a record does not belong to this run; None if it does."""
         names = [candidate.policy for candidate in self.candidates]
         if record.policy not in names:
             return f"its policy is {record.policy}, expected was {', '.join(names)}."

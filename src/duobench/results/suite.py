@@ -24,7 +24,7 @@ DEFAULT_EPISODES = 20
 PAPER_EXECUTE = 30
 """Actions of a chunk that the paper executes before it asks the policy again."""
 AS_THE_PAPER = ChunkExecution(execute=PAPER_EXECUTE)
-"""How the paper executes chunks; it says nothing of a latency."""
+"""Execution of chunks in the paper, which gives no latency."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -328,7 +328,7 @@ def suite_text(suite: Suite) -> str:
 
 
 def execute_text(suite: Suite) -> str:
-    """How many actions of a chunk are executed, in words."""
+    """Number of executed actions of a chunk, in words."""
     count = suite.execution.execute
     if count is None:
         return "all of a chunk"

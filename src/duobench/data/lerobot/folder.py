@@ -135,7 +135,7 @@ class Residual:
     """
 
     targets: int = 0
-    """How many poses were solved for, two a row."""
+    """Number of solved poses, two a row."""
     sum_position: float = 0.0
     sum_rotation: float = 0.0
     max_position: float = 0.0

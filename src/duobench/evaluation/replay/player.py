@@ -242,7 +242,7 @@ def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
 
 
 def why_not(record: Record) -> str:
-    """Why a record of a known task cannot be played again; empty if it can."""
+    """Reason why a record of a known task cannot be played again; empty if it can."""
     if record.domain == REAL:
         return "It was played on real arms and judged by a person, which cannot be played again."
     if record.suite_version != SUITE_VERSION:
@@ -264,7 +264,7 @@ def why_not(record: Record) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Divergence:
-    """How an episode that was replayed by its commands differs from the recorded one."""
+    """Differences between an episode replayed by its commands and the recorded one."""
 
     steps: int
     """Control steps that were replayed."""

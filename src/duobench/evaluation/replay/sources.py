@@ -50,7 +50,7 @@ class Item:
     title: str
     detail: str = ""
     state: str = ""
-    """How it ended; empty where nothing did."""
+    """End of the episode in words; empty for other items."""
 
 
 class TaskSource:

@@ -359,7 +359,7 @@ class _Log:
     def played_by(
         self, executor: Executor, observers: Sequence[Observer[Attempt]]
     ) -> list[Attempt]:
-        """Have episodes played until there are enough; all attempts, by task and index."""
+        """Play episodes until there are enough; return all attempts by task and index."""
         for observer in observers:
             observer.on_run_start(self._run, list(self._attempts.values()))
         while missing := [

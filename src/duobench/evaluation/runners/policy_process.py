@@ -20,7 +20,7 @@ class MakePolicy(msgspec.Struct, tag=True, frozen=True, kw_only=True):
 
     name: str
     batching: Batching | None
-    """How many observations a batch of a `BatchPolicy` has; None takes the default."""
+    """Observations in a batch of a `BatchPolicy`; None takes the default."""
     limits: TimeLimits
 
 

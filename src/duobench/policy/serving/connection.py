@@ -62,7 +62,7 @@ class ConnectedPolicy(ABC):
     metadata: PolicyMetadata
     """Expectations of the policy on the environment."""
     batching: Batching | None
-    """How many observations a batch of the server has, if it tells."""
+    """Observations in a batch of the server, if it says so."""
     health_path: ClassVar[str]
     """Path at which a server of this kind says that it lives."""
     _default_format: ClassVar[str | None] = None

@@ -1,4 +1,4 @@
-"""How LeRobot trains each kind of policy: options, and whose choice each of them is."""
+"""LeRobot's training of each kind of policy: options, and the source of each choice."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrainingRecipe:
-    """How one kind of policy is trained."""
+    """Training options of one kind of policy."""
 
     settings: tuple[Setting, ...]
     """Options, in the order in which they are given."""

@@ -17,7 +17,7 @@ DOCTOR_FILE = "doctor.json"
 
 
 class CheckOutcome(StrEnum):
-    """How a check ended."""
+    """Outcome of a check."""
 
     OK = "ok"
     NOTE = "note"
@@ -77,7 +77,7 @@ class Report:
     checks: tuple[Check, ...]
 
     def objection(self, rig_hash: str) -> str:
-        """Why it says nothing good about a rig; empty if all is well."""
+        """Reason why it does not clear a rig; empty if all is well."""
         if self.rig_hash != rig_hash:
             return f"looked at another rig, or at an earlier state of its file ({self.rig})"
         failed = [

@@ -217,7 +217,7 @@ images: 0.4 in the median; 0.16 at most between images of noise]."""
 
 
 def shift_between(image: Image, reference: Image) -> tuple[float, float] | None:
-    """How far right and down in pixels an image's content is from that of one of the same size.
+    """Shift right and down in pixels of an image's content from one of the same size.
 
     None where too little of both is alike.
     """

@@ -27,7 +27,7 @@ from duobench.real.rig import ArmConfig
 from duobench.results.labels import Fault
 
 READ_HZ = 200.0
-"""How often a second an arm is asked how it is."""
+"""Queries of an arm's state a second."""
 START_S = 2.0
 """Seconds in which an arm has to begin to track."""
 TORQUE_CHANGE = 2.0

@@ -104,7 +104,7 @@ class RehearsalPort:
         return True
 
     def open(self) -> bool:
-        """Have the world's time pass."""
+        """Advance the world's time."""
         self._world.enter(self)
         return True
 

@@ -42,7 +42,7 @@ ACTIVATION_S = 15.0
 REST_S = 0.7
 """Seconds without movement after which it is at an end."""
 TRIES = 3
-"""How often a gripper is asked whether it is there."""
+"""Attempts to find a gripper."""
 _FAULTS = {
     0x08: "it is too hot and has to cool down",
     0x0A: "its supply voltage is too low",
@@ -418,7 +418,7 @@ def _end(
 
 
 def _why(port: str) -> str:
-    """Why a port cannot be opened, in a sentence."""
+    """Reason why a port cannot be opened, in a sentence."""
     try:
         with open(port, "r+b", buffering=0):  # noqa: PTH123 - a device
             return "another program uses it."

@@ -119,7 +119,7 @@ class PlayedEpisode:
 
     steps: int
     stopped: str = ""
-    """Why the arms ended it; empty if they did not."""
+    """Reason why the arms ended it; empty if they did not."""
     fault: FaultKind | None = None
     """Kind of that fault, if it was one."""
     error: PolicyError | None = None
@@ -127,7 +127,7 @@ class PlayedEpisode:
     failure: DuoBenchError | None = None
     """Error that is no fault of the policy, so that the episode does not count."""
     waits: int = 0
-    """How often the arms rested until an image came that was late."""
+    """Number of times that the arms rested for a late image."""
     ended_by_success: bool = False
     """Whether the press of the last stage ended it."""
 
@@ -150,7 +150,7 @@ class PlayedEpisode:
 
     @property
     def ending(self) -> str:
-        """Why the policy plays no more, for the operator; empty if there is nothing to say."""
+        """Reason why the policy stopped, for the operator; may be empty."""
         if self.error is not None:
             return f"The policy failed: {str(self.error).strip().splitlines()[-1]}"
         if self.fault is None or self.ended_by_success:

@@ -183,7 +183,7 @@ class RigRecording(RigSession):
             self._source.close()
 
     def keep_placed(self) -> None:
-        """Have the objects of a rehearsal placed."""
+        """Place the objects of a rehearsal."""
         self.duo.place(self.env.base.definition, self._layout)
 
     def _record_one(self) -> None:

@@ -230,7 +230,7 @@ class RigSession:
         options: dict[str, Any],
         *watchers: Watcher,
     ) -> PlayedEpisode:
-        """Have a policy play; the arms are held afterwards."""
+        """Let a policy play; the arms are held afterwards."""
         self.write(LogKind.START)
         self.phase, self.message, self.lost = Phase.MOVING, "", ""
         self.view.publish()
@@ -304,7 +304,7 @@ class RigSession:
                     pass
 
     def objection(self, played: PlayedEpisode) -> str:
-        """Why an episode cannot count as it was judged, for the operator; empty if it can."""
+        """Reason why an episode cannot count as judged, for the operator; empty if it can."""
         if played.reasons:
             return NEVER_COUNTS
         is_solved = self.judge.labels.stage == self.judge.max_stage
@@ -335,7 +335,7 @@ class RigSession:
         self.is_home = self._move(home, "The arms are at home.")
 
     def _move(self, act: Callable[[], None], done: str) -> bool:
-        """Have arms or fingers moved while objects are placed; whether it was done."""
+        """Move arms or fingers while objects are placed; return whether it was done."""
         before, self.phase = self.phase, Phase.MOVING
         self.view.publish()
         with self.view.moving():

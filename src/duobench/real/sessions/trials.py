@@ -199,7 +199,7 @@ class TrialsSession(RigSession):
             write(self._folder.placed(self._trial.number, self._attempt), jpeg(image))
 
     def objection(self, played: PlayedEpisode) -> str:
-        """Why a trial cannot count as it was judged; whether a success held is to be said first."""
+        """Reason why a trial cannot count as judged; first of all whether a success held."""
         is_solved = self.judge.labels.stage == self.judge.max_stage
         unsaid = ASK_AT_END if is_solved and self.at_end is None else ""
         return super().objection(played) or unsaid

@@ -52,7 +52,7 @@ class InvalidRow:
     chosen: int
     """Trials that the operator called invalid after the outcome; the others could not count."""
     stages: tuple[int, ...]
-    """How many had reached each stage, from 0 on."""
+    """Number that reached each stage, from 0 on."""
     stops: str
     """Number of stops by each kind of fault."""
 

@@ -1,4 +1,4 @@
-"""How far each level of each axis goes. A change is another version of the suite `robust`.
+"""Bounds of each level of each axis. A change is another version of the suite `robust`.
 
 Levels of layout, physics and latency are those at which scripted experts still solve the tasks; see
 the page robustness. An entry 0 of each row is no shift.

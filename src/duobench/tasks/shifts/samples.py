@@ -66,7 +66,7 @@ def shifted_look(
     key: EpisodeKey,
     usual: Look,
 ) -> Look:
-    """How images of an episode look: light, colours, textures, background, cameras, noise."""
+    """Look of an episode's images: light, colours, textures, background, cameras, noise."""
     look = usual
     level = level_for(shift, LOOK, key.task)
     if level:

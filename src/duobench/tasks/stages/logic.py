@@ -88,7 +88,7 @@ class StateView:
     lasted: Mapping[StepClock, int] = field(default_factory=dict[StepClock, int])
     """Control steps that each clock has counted, this one included."""
     past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
-    """Why something is not remembered, where an earlier step tells; for explanations alone."""
+    """Reasons from earlier steps why something is not remembered; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
     _found: dict[object, Any] = field(default_factory=dict)
@@ -191,11 +191,11 @@ class Predicate:
         return replace(self, name=name, otherwise=otherwise or self.otherwise)
 
     def unmet(self, state: StateView) -> Words:
-        """Why it does not hold: the constraints in it that do not; nothing where it holds."""
+        """Reasons why it does not hold: its constraints that do not; empty if it holds."""
         return () if self.ask(state) else self.why(state)
 
     def why(self, state: StateView) -> Words:
-        """Why it holds, or why it does not, whichever is so."""
+        """Reasons why it holds or does not."""
         if self.ask(state):
             return self._met(state)
         return (self.otherwise(state),) if self.otherwise else self._unmet(state)
@@ -316,7 +316,7 @@ class Since(Predicate):
 
     memory: Memory
     when: str = ""
-    """How an explanation calls the last step at which `at` held: "when cube was let go"."""
+    """Words of an explanation for the last step at which `at` held: "when cube was let go"."""
     at: Predicate | None = None
     """Predicate of a moment: an explanation tells of the last step at which this held."""
 
@@ -344,7 +344,7 @@ class Since(Predicate):
         )
 
     def look_back(self, state: StateView, remembered: frozenset[Memory]) -> str | None:
-        """Why it is not remembered after this step, where the step tells.
+        """Reason why it is not remembered after this step, if the step shows it.
 
         Args:
             state: The step.

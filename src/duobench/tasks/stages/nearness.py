@@ -1,4 +1,4 @@
-"""How near a predicate is to holding, from 0 to 1: what a dense reward is made of.
+"""Nearness of predicates to holding, from 0 to 1: the basis of a dense reward.
 
 It reads the same descriptions as the stages do, and decides nothing: no stage, record or score
 depends on it. Conjunctions are as near as their parts on average, alternatives as the nearest of

@@ -65,7 +65,7 @@ def mm(metres: float) -> str:
 
 
 def _reach(arm: Side, body: str) -> Callable[[StateView], float]:
-    """How far a tool is from a body, in usual ways."""
+    """Distance of a tool from a body, in usual distances."""
     return lambda state: state.simulation.reach(arm, body) / USUAL_WAY
 
 
@@ -352,7 +352,7 @@ def _beyond(
     value: float,
     high: float,
 ) -> float:
-    """How far a number is outside a range; 0 inside."""
+    """Distance of a number from a range; 0 inside."""
     return np.maximum(np.maximum(low - value, value - high), 0.0)
 
 
@@ -447,7 +447,7 @@ class AtLeast(Predicate):
     """Some of its parts hold."""
 
     count: int
-    """How many at least."""
+    """Least number of predicates."""
 
 
 @shared

@@ -232,7 +232,7 @@ class Progress:
 
     @property
     def unmet(self) -> Words:
-        """Why the next stage is not reached, in words, where `explain` asks for it.
+        """Reason why the next stage is not reached, in words, if `explain` asks for it.
 
         It looks at the simulation, which must still be as it was judged.
         """
@@ -258,7 +258,7 @@ class Progress:
         )
 
     def nearness(self, simulation: Simulation) -> float:
-        """How near the next stage is, from 0 to below 1, as `stages.nearness` measures it.
+        """Nearness of the next stage, from 0 to below 1, see `stages.nearness`.
 
         It follows from the state of the simulation and from what is remembered; 0 after the last.
         """

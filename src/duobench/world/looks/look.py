@@ -111,7 +111,7 @@ class CameraOffset:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look:
-    """How a scene is rendered; see the fields. JSON in records."""
+    """Look of a rendered scene; see the fields. JSON in records."""
 
     seed: int = 0
     """Seeds textures, clutter, colour variation and noise: the same seed, the same images."""

@@ -49,7 +49,7 @@ class SimBackend:
 
     @property
     def held(self) -> str | None:
-        """Why the arms are held; None while they follow commands."""
+        """Reason why the arms are held; None while they follow commands."""
         return self._held
 
     def health(self) -> None:
@@ -97,7 +97,7 @@ class SimBackend:
 
     @property
     def look(self) -> Look:
-        """How the images look."""
+        """Look of the images."""
         return self._look
 
     def set_look(self, look: Look) -> None:
