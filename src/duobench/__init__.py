@@ -1,7 +1,7 @@
 """DuoBench: a benchmark for two-armed manipulation on the Franka FR3 Duo.
 
-Importing the package registers the environments with Gymnasium and does nothing else. Where
-Gymnasium is not installed, as on a policy's server, there is `duobench.policy` all the same.
+Importing the package registers the environments with Gymnasium and does nothing else. Without
+Gymnasium, as on a policy's server, `duobench.policy` can still be imported.
 """
 
 import duobench.world.looks  # noqa: F401 - so that it is there

@@ -15,7 +15,7 @@ import pytest
 
 from duobench.core.types import SIDES, Side
 from duobench.real.devices import ArmReading
-from duobench.real.doctor.checks import Check, Outcome, is_well, write_checks
+from duobench.real.doctor.checks import Check, CheckOutcome, is_well, write_checks
 from duobench.real.doctor.computer import computer_checks
 from duobench.real.doctor.examine import SUCCESS_RATE, examine, mount_check
 from duobench.real.duo import FrankaDuo
@@ -27,7 +27,7 @@ from tests.real.rigs import arm, camera, confirmed, gripper, joints, new_rig
 from tests.real.simulated import CAMERA, SimulatedArm, SimulatedCamera, simulated_rig
 
 SECONDS = 2.0
-OK, SKIPPED, FAILED = Outcome.OK, Outcome.SKIPPED, Outcome.FAILED
+OK, SKIPPED, FAILED = CheckOutcome.OK, CheckOutcome.SKIPPED, CheckOutcome.FAILED
 IN_TIME = "control commands in time"
 Change = Callable[[FrankaDuo], None]
 
@@ -78,7 +78,7 @@ def test_nothing_moves_and_nothing_is_held_without_the_operators_word() -> None:
 
 @pytest.mark.parametrize(("success", "outcome"), [(1.0, OK), (0.995, OK), (0.97, FAILED)])
 def test_arms_hold_where_they_are_and_lost_control_commands_are_found(
-    success: float, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+    success: float, outcome: CheckOutcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(TellingArm, "success", success)
     duo = confirmed(telling_rig())
@@ -157,7 +157,7 @@ def test_devices_that_are_not_well_are_found(change: Change, name: str, words: s
 
 
 @pytest.mark.parametrize(("fps", "outcome"), [(8, FAILED), (10, OK)])
-def test_a_camera_for_which_arms_would_rest_is_found(fps: int, outcome: Outcome) -> None:
+def test_a_camera_for_which_arms_would_rest_is_found(fps: int, outcome: CheckOutcome) -> None:
     rig = simulated_rig()
     rig = replace(rig, cameras={"head": replace(rig.cameras["head"], fps=fps)})
     check = found(new_rig(rig))["head camera"]
@@ -170,7 +170,7 @@ def test_without_opencv_nothing_is_said_about_the_head_cameras_place(
     monkeypatch.setitem(sys.modules, "cv2", None)
     reference = np.zeros((720, 1280, 3), np.uint8)
     check = found(new_rig(), reference=reference)["head camera's place"]
-    assert (check.outcome, check.value) == (Outcome.NOTE, "OpenCV is not installed")
+    assert (check.outcome, check.value) == (CheckOutcome.NOTE, "OpenCV is not installed")
     assert "hardware" in check.advice
 
 
@@ -188,7 +188,7 @@ def test_swapped_arms_are_found_by_their_torques() -> None:
     swapped = checked(gravity_torques(HOME_JOINTS[::-1])[::-1] + noise)
     assert "swapped" in swapped.advice
     others = [checked(torques).outcome for torques in (right_way, right_way + 60.0, 0 * noise)]
-    assert [swapped.outcome, *others] == [FAILED, OK, Outcome.NOTE, SKIPPED]
+    assert [swapped.outcome, *others] == [FAILED, OK, CheckOutcome.NOTE, SKIPPED]
 
 
 # --- the computer --------------------------------------------------------------------------------
@@ -212,7 +212,7 @@ def real_rig(*, is_realtime: bool = True) -> Rig:
     ],
 )
 def test_real_arms_need_a_realtime_kernel(
-    rig: Rig, kernel: str, outcome: Outcome, tmp_path: Path
+    rig: Rig, kernel: str, outcome: CheckOutcome, tmp_path: Path
 ) -> None:
     governor = tmp_path / "devices/system/cpu/cpu0/cpufreq/scaling_governor"
     for path, text in ((tmp_path / "kernel/realtime", kernel), (governor, "powersave")):
@@ -220,7 +220,7 @@ def test_real_arms_need_a_realtime_kernel(
         path.write_text(f"{text}\n")
     checks = {check.name: check for check in computer_checks(rig, sys=tmp_path)}
     assert checks["realtime kernel"].outcome is outcome
-    assert checks["processor speed"].outcome is (OK if outcome is SKIPPED else Outcome.NOTE)
+    assert checks["processor speed"].outcome is (OK if outcome is SKIPPED else CheckOutcome.NOTE)
     assert ("franky-control" in checks) is (not rig.is_computed)
 
 

@@ -12,7 +12,7 @@ from duobench.core.errors import BackendError, LockedError
 from duobench.data import DataSet, find_problems, summarize
 from duobench.data.attempts import SKIPPED, of_task
 from duobench.data.recorder import UNDECIDED
-from duobench.teleop.takes import NOTHING_DISCARDED, SET_ASIDE
+from duobench.teleop.session_episodes import NOTHING_DISCARDED, SET_ASIDE
 from duobench.teleop.teleoperation import DISCARDED, TeleopState
 from tests.teleop.test_session import TASK, Desk
 
@@ -105,7 +105,7 @@ def test_what_a_killed_session_has_discarded_is_offered_to_the_next(tmp_path: Pa
     killed.say("discard")
     with pytest.raises(LockedError, match="Another process"):
         Desk(tmp_path)
-    killed.session._takes._lock.close()  # as the system does when a process ends
+    killed.session._episodes._lock.close()  # as the system does when a process ends
     killed.session.env.discard()
     after = Desk(tmp_path)
     assert (after.status("discarded"), after.status("count")) == (1, 1)

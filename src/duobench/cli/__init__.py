@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.stdout.flush()
         except DuoBenchError as error:
             sys.exit(f"error: {escaped(str(error))}")
-        except BrokenPipeError:  # whoever reads the output has seen enough
+        except BrokenPipeError:  # the reader of the output has closed it
             _discard_output()
             sys.exit(1)
         except OSError as error:

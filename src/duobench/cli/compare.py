@@ -18,7 +18,7 @@ from duobench.results.bundle import open_source
 from duobench.results.entrants import SCHEMES, read_named, split_name
 
 if TYPE_CHECKING:
-    from duobench.results.entrants import Check, Checker
+    from duobench.results.entrants import Checker, ReplayCheck
     from duobench.results.records import Key
 
 
@@ -87,7 +87,7 @@ def _checker(workers: int, import_tasks: bool) -> Checker:
     load_engine()
     from duobench.evaluation.replay.verification import checks, verify as verify_run
 
-    def check(path: Path, keys: Collection[Key]) -> Mapping[str, Check]:
+    def check(path: Path, keys: Collection[Key]) -> Mapping[str, ReplayCheck]:
         with display("episode") as shown:
             found = verify_run(
                 open_source(path),

@@ -21,7 +21,7 @@ from duobench.core.machine import DEVICE, unsupported
 from duobench.core.randomness import SUITE_VERSION
 from duobench.core.versions import other_engine, record_versions
 from duobench.envs.config import IMAGE_SIZE
-from duobench.real.doctor.checks import Check, Outcome
+from duobench.real.doctor.checks import Check, CheckOutcome
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS
 
@@ -30,8 +30,10 @@ FIRST_COMMAND = (
 )
 FRAMES = 20
 """Images that are timed; their median is shown."""
-ROOM_GB, LEAST_ROOM_GB = 1.0, 0.1
-"""Free space for the output that is enough, and that is too little for anything."""
+ROOM_GB = 1.0
+"""Free space for the output below which a note is shown."""
+LEAST_ROOM_GB = 0.1
+"""Free space for the output below which the check fails."""
 HANDLES = 256
 """Open files that are enough for many workers."""
 _VARIABLES = (
@@ -42,7 +44,7 @@ _VARIABLES = (
     "NVIDIA_DRIVER_CAPABILITIES",
     "OMP_NUM_THREADS",
 )
-"""Variables that other programs and scripts of jobs set, and a run heeds."""
+"""Environment variables that a run depends on, shown with their values."""
 _PROXIES = ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY", "NO_PROXY")
 _NAMED = (
     "PYTHONPATH",
@@ -53,7 +55,7 @@ _NAMED = (
     *_PROXIES,
     *map(str.lower, _PROXIES),
 )
-"""The same, of which the value is private; connections to policies take no proxy."""
+"""Variables whose values are private and not shown; connections to policies take no proxy."""
 
 
 def run(out: Path | None = None) -> None:
@@ -70,9 +72,9 @@ def run(out: Path | None = None) -> None:
         sys.exit(1)
     failed = 0
     for check in _checks(out):
-        failed += check.outcome is Outcome.FAILED
-        told = filter(None, (check.value.removesuffix("."), check.advice))
-        words = " ".join(". ".join(told).split())
+        failed += check.outcome is CheckOutcome.FAILED
+        parts = [check.value.removesuffix("."), check.advice]
+        words = " ".join(". ".join(filter(None, parts)).split())
         say(
             f"{check.outcome:<8}{check.name:<17}{words}",
             style=CHECK_STYLES[check.outcome],
@@ -98,9 +100,9 @@ def _checks(out: Path | None) -> Iterator[Check]:
     for name, look in looks.items():
         try:
             yield from look()
-        except Exception as error:  # noqa: BLE001 - whatever keeps it from working is told
+        except Exception as error:  # noqa: BLE001 - any error is a result of the check
             is_asked = name != "output" or out is not None
-            outcome = Outcome.FAILED if is_asked else Outcome.NOTE
+            outcome = CheckOutcome.FAILED if is_asked else CheckOutcome.NOTE
             yield outcome.of(name, str(error) or type(error).__name__)
 
 
@@ -112,8 +114,8 @@ def _versions() -> Iterator[Check]:
     for name, version in versions.items():
         is_well = name != "mujoco" or not other
         advice = f"This is {other}; runs with it are marked."
-        yield Outcome.NOTE.unless(is_well, name, version, advice)
-    yield Outcome.OK.of("suite version", SUITE_VERSION)
+        yield CheckOutcome.NOTE.unless(is_well, name, version, advice)
+    yield CheckOutcome.OK.of("suite version", SUITE_VERSION)
 
 
 def _output(out: Path) -> Iterator[Check]:
@@ -125,7 +127,7 @@ def _output(out: Path) -> Iterator[Check]:
         with files.locked(Path(folder)):
             files.write(Path(folder, "file"), "written")
         room = shutil.disk_usage(folder).free / 1e9
-    outcome = Outcome.NOTE if room > LEAST_ROOM_GB else Outcome.FAILED
+    outcome = CheckOutcome.NOTE if room > LEAST_ROOM_GB else CheckOutcome.FAILED
     found = f"{above.absolute()} can be written, {room:.1f} GB are free"
     yield outcome.unless(
         room > ROOM_GB, "output", found, "Make room, or give another --out."
@@ -138,22 +140,23 @@ def _temporary() -> Iterator[Check]:
     is_usual = not folder.name.startswith(files.SCRATCH)
     advice = "No usual folder for them can be written: set TMPDIR to one."
     found = f"{folder}, {room:.1f} GB are free"
-    yield Outcome.NOTE.unless(is_usual, "temporary files", found, advice)
+    yield CheckOutcome.NOTE.unless(is_usual, "temporary files", found, advice)
 
 
 def _handles() -> Iterator[Check]:
     most, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     is_well = most == resource.RLIM_INFINITY or most >= HANDLES
     advice = f"Many workers need more: ulimit -n {HANDLES}"
-    yield Outcome.NOTE.unless(is_well, "file handles", f"{most} at a time", advice)
+    yield CheckOutcome.NOTE.unless(is_well, "file handles", f"{most} at a time", advice)
 
 
 def _locale() -> Iterator[Check]:
-    names, output = sys.getfilesystemencoding(), sys.stdout.encoding
+    names = sys.getfilesystemencoding()
+    output = sys.stdout.encoding
     is_well = {names.lower(), output.lower()} == {"utf-8"}
     advice = "Signs that they lack are replaced: set LC_ALL=C.UTF-8."
     found = f"names of files in {names}, output in {output}"
-    yield Outcome.NOTE.unless(is_well, "locale", found, advice)
+    yield CheckOutcome.NOTE.unless(is_well, "locale", found, advice)
 
 
 def _variables() -> Iterator[Check]:
@@ -162,12 +165,12 @@ def _variables() -> Iterator[Check]:
     is_well = all(
         number.strip().isdecimal() and int(number) for number in threads.split(",")
     )
-    # A value may be a secret or a way through somebody's home: bugs are reported with it.
-    told = [f"{name}={value}" for name, value in here.items()]
-    told += [name for name in _NAMED if name in os.environ]
+    # Bug reports contain this line, and some values are secrets or private paths.
+    shown = [f"{name}={value}" for name, value in here.items()]
+    shown += [name for name in _NAMED if name in os.environ]
     advice = "OMP_NUM_THREADS is a whole number from 1 on."
-    yield Outcome.NOTE.unless(
-        is_well, "variables", " ".join(told) or "none of others", advice
+    yield CheckOutcome.NOTE.unless(
+        is_well, "variables", " ".join(shown) or "none of others", advice
     )
 
 
@@ -182,20 +185,21 @@ def _figures() -> Iterator[Check]:
     figure.add_subplot().set_title("Success")
     as_svg("doctor", lambda: figure)
     found = f"drawn by Matplotlib {__version__}, which keeps fonts in {get_cachedir()}"
-    # Matplotlib tells its children of a folder that is removed at the end.
+    # Without a writable folder, Matplotlib sets the variable to a temporary one.
     is_kept = os.environ.get("MPLCONFIGDIR") == given
     advice = "Each command finds them anew: set MPLCONFIGDIR to a folder that can be written."
-    yield Outcome.NOTE.unless(is_kept, "figures", found, advice)
+    yield CheckOutcome.NOTE.unless(is_kept, "figures", found, advice)
 
 
 def _videos() -> Iterator[Check]:
     from duobench.core.video import AV1, H264, VP9, write_video
 
-    codecs, frames = (VP9, AV1, H264), [np.zeros((64, 64, 3), dtype=np.uint8)] * 2
+    codecs = (VP9, AV1, H264)
+    frames = [np.zeros((64, 64, 3), dtype=np.uint8)] * 2
     with tempfile.TemporaryDirectory() as folder:
         for codec in codecs:
             write_video(frames, Path(folder, codec.encoder), codec, 30)
-    yield Outcome.OK.of(
+    yield CheckOutcome.OK.of(
         "videos", f"encoded by {', '.join(codec.encoder for codec in codecs)}"
     )
 
@@ -215,17 +219,17 @@ def _images() -> Iterator[Check]:
         one = _milliseconds(lambda: renderer.render(data, HEAD))
         three = _milliseconds(lambda: renderer.render_all(data, POLICY_CAMERAS))
     found = f"{one:.1f} ms at {width}x{height}, shadows included"
-    yield Outcome.OK.of("backend", info.backend)
-    yield Outcome.OK.of("renderer", info.renderer)
-    yield Outcome.OK.of("vendor", info.vendor)
-    yield Outcome.OK.of("OpenGL", info.version)
-    yield Outcome.FAILED.unless(bool(is_seen), "one image", found, "It is black.")
-    yield Outcome.OK.of("three cameras", f"{three:.1f} ms")
+    yield CheckOutcome.OK.of("backend", info.backend)
+    yield CheckOutcome.OK.of("renderer", info.renderer)
+    yield CheckOutcome.OK.of("vendor", info.vendor)
+    yield CheckOutcome.OK.of("OpenGL", info.version)
+    yield CheckOutcome.FAILED.unless(bool(is_seen), "one image", found, "It is black.")
+    yield CheckOutcome.OK.of("three cameras", f"{three:.1f} ms")
     devices = os.environ.get("CUDA_VISIBLE_DEVICES")
     is_chosen = info.software or not devices or DEVICE in os.environ
     by = "the processor, as no card does" if info.software else "a graphics card"
     advice = f"CUDA_VISIBLE_DEVICES does not choose it; {DEVICE}, a whole number, does."
-    yield Outcome.NOTE.unless(is_chosen, "rendered by", by, advice)
+    yield CheckOutcome.NOTE.unless(is_chosen, "rendered by", by, advice)
 
 
 def _milliseconds(work: Callable[[], object]) -> float:

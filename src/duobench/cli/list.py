@@ -38,14 +38,14 @@ def run(stages: bool = False, looks: bool = False) -> None:
     )
     for name in catalog.names():
         task = catalog.get(name)
-        told = [re.sub(r"{(\w+)}", r"<\1>", task.instruction)]
+        lines = [re.sub(r"{(\w+)}", r"<\1>", task.instruction)]
         if stages:
-            told += [
+            lines += [
                 f"{number} {stage.name}" for number, stage in enumerate(task.stages, 1)
             ]
         numbers = (str(task.max_stage), str(task.horizon))
         if is_narrow:
-            rows.add_row(task.id, *numbers, "\n".join([f"({task.category})", *told]))
+            rows.add_row(task.id, *numbers, "\n".join([f"({task.category})", *lines]))
         else:
-            rows.add_row(task.id, task.category, *numbers, "\n".join(told))
+            rows.add_row(task.id, task.category, *numbers, "\n".join(lines))
     screen.print(rows)

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 ALL = "all"
-"""In the place of a task: every one of the benchmark."""
+"""Word in place of a task: all tasks of the benchmark."""
 JIG = "jig"
-"""In the place of a task: none, but the jig."""
+"""Word in place of a task: the jig instead of a task."""
 
 
 def run(

@@ -112,7 +112,7 @@ class DuoBackend(Protocol):
 
     @property
     def held(self) -> str | None:
-        """Why the arms are held; None while they follow commands."""
+        """Reason why the arms are held; None while they follow commands."""
         ...
 
     def health(self) -> str | None:
@@ -135,7 +135,7 @@ class DuoBackend(Protocol):
 
     @property
     def time(self) -> float:
-        """Seconds on a clock that never goes back, when the latest state was measured."""
+        """Time of the latest measured state in seconds, on a monotonic clock."""
         ...
 
     def read(self) -> DuoState:

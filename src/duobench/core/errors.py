@@ -33,7 +33,7 @@ class DuoBenchError(Exception):
         return cls.__new__(cls, message)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Let an error be pickled, whatever its message is composed of."""
+        """Let an error be pickled, however its message was composed."""
         return self.from_message, (str(self),)
 
 
@@ -69,7 +69,7 @@ class UnknownNameError(DuoBenchError, LookupError):
 
 
 class ForeignTaskError(UnknownNameError):
-    """Data of others name a task that is none of the benchmark, and must not be imported."""
+    """Data of others name a task from outside the benchmark, which may not be imported."""
 
 
 class UnknownOptionError(UnknownNameError, TypeError):
@@ -258,7 +258,7 @@ class TaskFailedError(UnplayedError):
 
 
 def error_class(name: str) -> type[DuoBenchError]:
-    """The class of the family with a name from outside; `EvaluationError` if there is none."""
+    """Class of the family with a name from outside; `EvaluationError` if it is unknown."""
     found = globals().get(name)
     if isinstance(found, type) and issubclass(found, DuoBenchError):
         return found
@@ -302,9 +302,9 @@ def traceback_text(error: BaseException, skip: int = 0) -> str:
 
 
 def foreign_traceback(error: BaseException) -> str:
-    """A traceback of somebody else's code, without our calls that led to it.
+    """Format the traceback of foreign code, without our calls that led to it.
 
-    The text is then the same in whatever process, and by whatever way, that code was called.
+    The text is then the same in every process and from every caller.
     """
     ours = [*_are_ours(error)]
     return traceback_text(
@@ -313,7 +313,7 @@ def foreign_traceback(error: BaseException) -> str:
 
 
 def is_machinery(error: BaseException) -> bool:
-    """Whether an error is a `MachineryError` of ours, not one that somebody else's code raised."""
+    """Whether an error is a `MachineryError` of ours, not raised by foreign code."""
     return isinstance(error, MachineryError) and [*_are_ours(error)][-1:] == [True]
 
 

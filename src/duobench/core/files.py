@@ -55,7 +55,7 @@ TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; what still has it after a crash is rubbish."""
 
 SCRATCH = ".duobench-"
-"""How names of folders for temporary files begin, which lie in an output if nowhere else."""
+"""Prefix of folders for temporary files, which may have to lie in an output."""
 
 _ZIP_DATE, _ZIP_UNIX, _ZIP_MODE = (1980, 1, 1, 0, 0, 0), 3, stat.S_IFREG | 0o644
 _LOCK_TURN_S = 0.05
@@ -124,9 +124,12 @@ def files_in(folder: Path, pattern: str = "**/*") -> Iterator[Path]:
 def taken_back(
     folder: Path, *beginnings: str, is_begun: Callable[[], bool] = lambda: False
 ) -> Iterator[None]:
-    """Remove a new folder again if a block fails before anything but beginnings is in it.
+    """Remove a new folder again if the block fails before it has written results.
 
-    These are patterns of files, which count for nothing unless `is_begun` says that they do.
+    Args:
+        folder: The folder, which is new if it does not exist yet, or is empty.
+        beginnings: Patterns of files that are no results, unless `is_begun`.
+        is_begun: Whether files of these patterns are to be kept too.
     """
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     is_new = bool(missing) or (folder.is_dir() and not any(folder.iterdir()))
@@ -140,15 +143,18 @@ def taken_back(
             and not is_begun()
         ):
             for path in folder.glob("*"):
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
-            with suppress(OSError):  # somebody else has put something there
+                if path.is_dir():
+                    shutil.rmtree(path)
+                else:
+                    path.unlink()
+            with suppress(OSError):  # another process has written there
                 for each in missing:
                     each.rmdir()
         raise
 
 
 def check_outside(out: Path, *sources: Path) -> None:
-    """Reject an output in one of the folders that it is made from, whatever links lead there."""
+    """Reject an output in one of the folders that it is made from, symbolic links resolved."""
     for source in sources:
         if out.resolve().is_relative_to(source.resolve()):
             raise OutputError(
@@ -258,7 +264,7 @@ def remove_temporary(folder: Path) -> None:
 
 
 def remove(*paths: Path) -> None:
-    """Remove files; those that are not there are none to remove."""
+    """Remove files; missing ones are ignored."""
     for path in paths:
         with writing(path):
             path.unlink(missing_ok=True)
@@ -270,7 +276,7 @@ def remove_abandoned(folder: Path, suffix: str) -> None:
     Others may write into these at the same time, and all other files in them stay.
     """
     for path in folder.glob(f"*/.*{suffix}.*{TEMPORARY_SUFFIX}"):
-        # A process of somebody else lives; a file without a number of a process is not ours.
+        # A process of another user lives; a file without a process number is not ours.
         with suppress(PermissionError, OverflowError, ValueError):
             try:
                 os.kill(int(path.suffixes[-2][1:]), 0)
@@ -315,7 +321,7 @@ def read_text(path: Readable) -> str:
 
 
 def read_object(path: Path, error: type[DuoBenchError]) -> dict[str, Any] | None:
-    """A JSON object from a file of others, which may be anything; None where there is none."""
+    """Read a JSON object from an untrusted file; None if the file is missing."""
     with reading(path, error):
         try:
             content = json.loads(path.read_bytes())

@@ -21,7 +21,7 @@ DOMAINS = ("sim", "real")
 LAST = "checkpoints/last/pretrained_model"
 """The last checkpoint, in the folder of a training."""
 STEP = "checkpoints/last/training_state/training_step.json"
-"""How many steps it was trained for."""
+"""Number of training steps."""
 SUITE = "suite_version"
 """Key of the suite's version, in what `duobench` writes beside a data set and a checkpoint."""
 FEATURE_NAMES = "duobench_names.json"

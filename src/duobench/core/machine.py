@@ -37,7 +37,7 @@ _KEPT = 100
 
 
 def unsupported(system: str = sys.platform, architecture: str | None = None) -> str:
-    """Why nothing can be played on a platform, and what to do; empty where nothing is known."""
+    """Reason why a platform is not supported, and what to do; empty if none is known."""
     if system == "win32":
         return "DuoBench does not run on Windows itself: install it in WSL 2, which is Linux."
     if system == "darwin" and (architecture or platform.machine()) == "x86_64":
@@ -125,7 +125,7 @@ class Awake:
 
 
 HERE = Awake()
-"""Of this process, if it is one of an evaluation: what watches its parent notes it."""
+"""State of this process, if it is one of an evaluation; set by the watch of its parent."""
 
 
 def watch_parent(parent: int, end: Callable[[], object]) -> None:

@@ -23,7 +23,7 @@ R = TypeVar("R")
 Progress = Callable[[int, int], None]
 """Told how many of how many things are done."""
 MAX_DEATHS = 3
-"""How many processes may end by themselves, such as for lack of memory, before the work ends."""
+"""Processes that may end by themselves, such as for lack of memory, before the work ends."""
 _LOOK_S = 0.5
 """Seconds between looks at whether all processes still live."""
 _SAFE_PATH = "PYTHONSAFEPATH"

@@ -1,4 +1,4 @@
-"""From an import path `module:attribute` to what it names, and public names loaded on first use."""
+"""Import paths `module:attribute`, and public names that are loaded on first use."""
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -53,7 +53,7 @@ def load(
 
 
 def _in_words(file: Path, attribute: str) -> str:
-    """By which name a file is imported, and from which folder."""
+    """Name by which a file is imported, and its folder, in words."""
     file, here = file.expanduser(), Path.cwd()
     file = file.parent.resolve() / file.stem
     folder = file.parent
@@ -74,7 +74,7 @@ def _imported(name: str) -> Any:
         return import_module(name)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # anybody's code runs here
+    except BaseException as error:  # foreign code runs here
         if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(
             f"{error.name}."
         ):

@@ -43,7 +43,7 @@ def decode(
         where: Where in the file the object stands, such as "arms.left"; or what it is.
 
     Raises:
-        OptionError: A value has the wrong type, or is none that the class takes.
+        OptionError: A value has the wrong type, or a value that the class does not take.
         UnknownNameError: There is no such key; the message names those that are near.
     """
     hints, fields = get_type_hints(kind), _keys_of(document, where or "the file")

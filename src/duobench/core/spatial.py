@@ -191,7 +191,7 @@ class SE3:
         y: float = 0.0,
         z: float = 0.0,
     ) -> SE3:
-        """Same orientation, shifted in the target frame by metres."""
+        """Pose of the same orientation, shifted in the target frame by metres."""
         return SE3(self.rotation, self.translation + np.array([x, y, z]))
 
     def interpolate(self, other: SE3, fraction: float) -> SE3:

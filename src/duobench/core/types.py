@@ -159,7 +159,7 @@ class DuoCommand:
 
     @classmethod
     def from_flat(cls, flat: ArrayLike) -> Self:
-        """From 16 numbers: left joints 1-7, left opening, right joints 1-7, right opening."""
+        """Make a command of 16 numbers: joints 1-7 and opening of the left arm, then the right."""
         rows = np.asarray(flat, dtype=np.float64).reshape(2, SIDE_SIZE)
         return cls(joints=rows[:, :ARM_JOINTS], openings=rows[:, ARM_JOINTS])
 

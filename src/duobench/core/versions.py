@@ -42,12 +42,12 @@ SOURCES = (
     "evaluation/recorder.py",
 )
 """Parts of the package that decide what an episode is, and what a record says of it. A folder that
-is a part of its own is none of the part that it lies in."""
+is a part of its own does not belong to the part that contains it."""
 SCRIPTED = ("tasks/experts", "policy/baselines.py")
 """Parts that decide what a scripted policy does, which has no version of its own."""
 _PACKAGE = Path(__file__).parents[1]
 _KINDS = frozenset((".py", ".toml", ".npz", ".js", ".css", ".html", ".j2"))
-"""Endings of files of the package; what editors and tools leave beside them is none of it."""
+"""Endings of files of the package; other files, such as those of editors, are ignored."""
 _SAME_EVERYWHERE = "x86_64"
 """The architecture whose processors with AVX2 give the same bits."""
 
@@ -141,7 +141,7 @@ def _about_processor(what: str) -> str | None:
 
 
 def differing_arithmetic(versions: Mapping[str, str | None]) -> list[str]:
-    """Why a replay here need not have the bits of an episode with those `record_versions`.
+    """Reasons why a replay here may differ in bits from an episode with those `record_versions`.
 
     One phrase a difference, such as "mujoco 4.0.0 instead of 4.0.1"; nothing if it must have them.
     """

@@ -30,10 +30,10 @@ _QUIET = ("SVT_LOG", "1")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Codec:
-    """How videos are encoded: the same frames give the same bytes."""
+    """Encoding of videos: the same frames give the same bytes."""
 
     encoder: str
-    """As FFmpeg calls it, like `container`, the format of the file."""
+    """Name in FFmpeg, as for `container`, the format of the file."""
     options: Mapping[str, str]
     container: str
     container_options: Mapping[str, str] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""How episodes went that were begun for a data set, those among them that it does not hold."""
+"""Attempts at episodes of a data set, also at those that it does not hold."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ ATTEMPTS_SCHEMA = 1
 RUN = "record.json"
 """Description of what `record` records."""
 SKIPPED = "Skipped before it began."
-"""Why an attempt at which nobody did anything is not kept."""
+"""Reason why an attempt without any motion is not kept."""
 
 
 @dataclass(
@@ -51,7 +51,7 @@ class Attempts:
 
 def of_task(data: DataSet, task: str) -> list[Attempt]:
     """Attempts that were begun for a task, by any actor; a `FileError` if it cannot be read."""
-    paths = (data.path / ATTEMPTS, _takes(data, task))
+    paths = (data.path / ATTEMPTS, _session_attempts(data, task))
     found = [read(path, Attempts, ATTEMPTS_SCHEMA) for path in paths if path.exists()]
     return sorted(
         each for listed in found for each in listed.attempts if each.task == task
@@ -67,10 +67,10 @@ class Comparison:
     surplus: tuple[Path, ...]
     """Files of episodes that were not noted."""
     foreign: tuple[Path, ...]
-    """Files that are not what their name says, and keep a recording from going on."""
+    """Files whose content does not belong to their name, so that a recording cannot continue."""
 
     def __str__(self) -> str:
-        """As a sentence part; empty where nothing differs."""
+        """Format as part of a sentence; empty without differences."""
         parts = {
             "missing": self.missing,
             "not noted": self.surplus,
@@ -84,10 +84,10 @@ class Comparison:
 
 
 def compared(data: DataSet) -> dict[str, Comparison]:
-    """Each task that has files or attempts, if attempts at any were noted.
+    """Compare files and noted attempts of each task, if attempts were noted.
 
     Raises:
-        FileError: What was noted cannot be read.
+        FileError: The attempts cannot be read.
     """
     is_recorded = (data.path / ATTEMPTS).exists()
     listed = [data.path / ATTEMPTS] if is_recorded else []
@@ -118,7 +118,7 @@ def compared(data: DataSet) -> dict[str, Comparison]:
 
 
 def _foreign(data: DataSet, keeps_failures: bool) -> set[Path]:
-    """Readable files that are not what a recording has left under their names."""
+    """Find readable files that a recording would not have left under their names."""
     found = set[Path]()
     options = None
     for path in data.episodes():
@@ -126,7 +126,8 @@ def _foreign(data: DataSet, keeps_failures: bool) -> set[Path]:
             info = Recording.read_info(path)
         except DataError:
             continue
-        outcome, task = info.outcome, path.parent.name
+        outcome = info.outcome
+        task = path.parent.name
         index = int(path.stem) if path.stem.isdecimal() else 0
         seed = None if info.split is None else episode_seed(task, index, info.split)
         is_kept = (
@@ -134,20 +135,17 @@ def _foreign(data: DataSet, keeps_failures: bool) -> set[Path]:
             and outcome.reason != INTERRUPTED
             and (keeps_failures or (outcome.success and not outcome.cut))
         )
-        given = (
-            info.split,
-            info.after_success,
-        )  # which all of a recording have in common
-        options = options or given
-        actual = path.stem, info.task, info.seed, given
+        given = (info.split, info.after_success)
+        options = options or given  # all episodes of a recording have the same
+        actual = (path.stem, info.task, info.seed, given)
         if not is_kept or actual != (f"{index:05d}", task, seed, options):
             found.add(path)
     return found
 
 
 def note(data: DataSet, attempt: Attempt) -> None:
-    """Note how a person's attempt goes, in place of what was noted about it before."""
-    path = _takes(data, attempt.task)
+    """Write down a person's attempt, in place of what was noted about it before."""
+    path = _session_attempts(data, attempt.task)
     listed = read(path, Attempts, ATTEMPTS_SCHEMA).attempts if path.exists() else ()
     others = (each for each in listed if each.episode != attempt.episode)
     make_folder(path.parent)
@@ -157,5 +155,5 @@ def note(data: DataSet, attempt: Attempt) -> None:
     )
 
 
-def _takes(data: DataSet, task: str) -> Path:
+def _session_attempts(data: DataSet, task: str) -> Path:
     return data.path / TAKES / f"{task}.json"

@@ -1,4 +1,4 @@
-"""Problems of a data set: every file is read to its end, every claim in it checked."""
+"""Problems of a data set: every file is read whole, and every claim in it is checked."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -6,9 +6,11 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.core.errors import DataError, DuoBenchError, FileError, ForeignTaskError
 from duobench.core.files import CHECKSUM, checksum, digest_of, read_object
@@ -29,7 +31,7 @@ from duobench.tasks.shifts.shift import NO_SHIFT
 from duobench.world.robot.cameras import POLICY_CAMERAS
 
 _GAPPY = ("frame_age", "left_robot_state", "right_robot_state")
-"""Columns that are NaN where a device said nothing."""
+"""Columns that are NaN where a device gave no value."""
 _FOREIGN = (
     "It was not recorded here under this name: it was renamed, copied, merged, recovered, or "
     "recorded with other options."
@@ -38,12 +40,12 @@ _FOREIGN = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Problem:
-    """Something that is wrong with a file."""
+    """Problem of a file, in a sentence."""
 
     path: Path
     what: str
     is_foreign: bool = False
-    """Whether it is that its task is none of the benchmark, and must not be imported."""
+    """Whether the task comes from outside the benchmark and may not be imported."""
 
 
 def find_problems(
@@ -51,20 +53,20 @@ def find_problems(
 ) -> list[Problem]:
     """Check every file of a data set.
 
-    Whatever attempts say was kept must be there, once and under its name. Each episode must be
-    readable, be where its task says, hold finite numbers, stages that never
-    fall and an outcome that agrees with them, and begin with the layout that its seed and split
-    sample and with the state that its first hash names, bit for bit. A video must have its episode,
-    an episode its videos, and these the frames that its rows name, unchanged. That its last state
-    follows from its commands is for an action replay to show.
+    Every episode that the attempts name as kept must exist once, under its name. Each episode must
+    be readable and in the folder of its task. Its numbers must be finite, its stages must not fall,
+    and its outcome must agree with them. It must begin with the layout of its seed and split and
+    with the state of its first hash, bit for bit. Every video must belong to an episode, every
+    episode must have its videos, and these must be unchanged and hold the frames that its rows
+    name. Only an action replay shows that the last state follows from the commands.
 
     Args:
         data: The data set.
         workers: Processes that check side by side; 0 checks in this process. See `run_all`.
-        progress: Told about the progress, in episodes.
+        progress: Called with the numbers of checked episodes and of all.
 
     Returns:
-        What is wrong, sorted by file; nothing if all is well.
+        Problems, sorted by file.
     """
     problems = [
         Problem(path=path, what="Its recording was interrupted: recover or delete it.")
@@ -86,7 +88,7 @@ def find_problems(
 
 
 def _compared(data: DataSet) -> Iterator[Problem]:
-    """Differences from the attempts that would keep a recording from going on."""
+    """Find differences from the attempts, which would keep a recording from continuing."""
     run = data.path / RUN
     try:
         about = read_object(run, FileError)
@@ -123,7 +125,7 @@ def _copies(data: DataSet) -> Iterator[Problem]:
 
 
 def _checker(data: DataSet) -> Callable[[Path], list[Problem]]:
-    """Checks one episode after the other, and keeps the environment of one for the next."""
+    """Return a function that checks an episode, and keeps its environment for the next one."""
     environment = lru_cache(maxsize=1)(partial(make_env, cameras=False))
 
     def check(path: Path) -> list[Problem]:
@@ -160,21 +162,28 @@ def _beginning(
     if not np.array_equal(sim_of(env).simulation.get_state(), recording.state[0]):
         return ["Its first state is not the one that its layout begins with."]
     state: EpisodeState = env.get_wrapper_attr("save_state")()
-    hashes = (
-        state.hash,
-        replace(state, steps=None).hash,
-    )  # without a time limit, none are counted
+    # Without a time limit, steps are not counted.
+    hashes = (state.hash, replace(state, steps=None).hash)
     if info.config is not None and info.first_hash not in hashes:
         return ["The hash of its first state is another one."]
     return []
 
 
 def _disagreements(recording: Recording, path: Path) -> list[str]:
-    """Disagreements of an episode with itself or with its place."""
-    info, outcome = recording.info, recording.info.outcome
-    stage, length, steps = recording.stage, len(recording), recording.steps
+    """Contradictions within an episode, or with the place of its file."""
+    info = recording.info
+    outcome = info.outcome
+    stage = recording.stage
+    length = len(recording)
+    steps = recording.steps
     horizon = None if info.config is None else info.config.horizon
     most_after_success = steps_after_success(info.after_success)
+    # Real arms that were held during a step are not measured again.
+    least_s = 0.0 if info.is_real else 1e-9
+
+    def falls(values: NDArray[Any]) -> bool:
+        return bool((np.diff(values.astype(np.int64)) < 0).any())
+
     infinite = [
         column.name
         for column in COLUMNS
@@ -182,19 +191,17 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
         and not np.isfinite(getattr(recording, column.name)).all()
     ]
     faults = {
-        f"It belongs to task {info.task!r}, not into this folder.": path.parent.name
-        != info.task,
-        f"It belongs to suite {info.suite_version}.": info.suite_version
-        != SUITE_VERSION,
-        f"Not all numbers are finite: {', '.join(infinite)}.": bool(infinite),
-        # Real arms that were held during a step are not measured again.
-        "Its clock goes back.": bool(
-            (np.diff(recording.time) < (0.0 if info.is_real else 1e-9)).any()
+        f"It belongs to task {info.task!r}, not into this folder.": (
+            path.parent.name != info.task
         ),
-        # People may take back what they declared.
-        "Its stage falls.": not info.is_real and bool((np.diff(stage) < 0).any()),
-        "Its success ends.": not info.is_real
-        and bool((np.diff(recording.success + 0) < 0).any()),
+        f"It belongs to suite {info.suite_version}.": (
+            info.suite_version != SUITE_VERSION
+        ),
+        f"Not all numbers are finite: {', '.join(infinite)}.": bool(infinite),
+        "Its clock goes back.": bool((np.diff(recording.time) < least_s).any()),
+        # An operator may take back a stage or a success.
+        "Its stage falls.": not info.is_real and falls(stage),
+        "Its success ends.": not info.is_real and falls(recording.success),
         "It has no actions.": not length,
         f"It has {steps} actions, more than its horizon.": bool(
             horizon and steps > horizon

@@ -38,7 +38,7 @@ class Description:
 
     suite_version: str
     versions: dict[str, str]
-    """Of the packages that it was begun with."""
+    """Versions of the packages that it was begun with."""
     how: str = ""
     """The command that made it, if one command did."""
 
@@ -78,7 +78,7 @@ class DataSet:
             own_tasks: See `DataSet`.
 
         Raises:
-            DataError: There is none, and none is to be made.
+            DataError: The data set is missing, and is not to be created.
             OtherRunError: The folder holds something else, or a data set of another suite.
             FileError: Its description cannot be read, or is of another version.
             OutputError: It cannot be made.
@@ -139,11 +139,11 @@ class DataSet:
         return sorted({path.parent.name for path in self.episodes()})
 
     def reference(self, info: EpisodeInfo) -> str:
-        """By what the task of an episode is loaded, its id or its import path.
+        """Reference of the task of an episode: its id or import path.
 
         Raises:
-            ForeignTaskError: It is none of the benchmark, and must not be imported.
-            UnknownNameError: It is none of the benchmark, and nothing says where it is.
+            ForeignTaskError: The task is from outside the benchmark and may not be imported.
+            UnknownNameError: The task is from outside the benchmark and its import path is unknown.
             ImportPathError: Its module is missing or raises an error.
             DataError: Another task is there.
         """
@@ -195,7 +195,7 @@ class DataSet:
             number += 1
 
     def kept(self, task: str) -> int:
-        """How many finished episodes of a task are kept."""
+        """Number of kept finished episodes of a task."""
         outcomes = (Recording.read_info(path).outcome for path in self.episodes(task))
         return sum(outcome is not None and outcome.kept for outcome in outcomes)
 
@@ -224,9 +224,9 @@ class DataSet:
         name: str,
         content: bytes,
     ) -> Path:
-        """Add the content of an episode's file that was recorded elsewhere, in one atomic step.
+        """Add an episode's file that was recorded elsewhere, in one atomic step.
 
-        What a killed recording of the same episode has left is removed.
+        The partial file of a killed recording of the same episode is removed.
         """
         check_there(self.path)
         path, partial = self.episode(task, name), self.partial(task, name)

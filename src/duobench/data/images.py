@@ -36,11 +36,11 @@ class ImageSource:
         task: The task, its id, or its import path.
         cameras: Which cameras to render.
         size: Height and width of the images in pixels, or one number for a square.
-        look: How the images look, whatever they looked like while recording.
+        look: Look of the images, which may differ from that of the recording.
 
     Raises:
         UnknownNameError: There is no such task or look.
-        OptionError: The size is none.
+        OptionError: The size is invalid.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class ImageSource:
         self._layout: dict[str, Any] | None = None
 
     def set_look(self, look: str | Look) -> None:
-        """Give images in another look from now on; nothing is compiled anew."""
+        """Change the look of later images; the model is not compiled again."""
         self._backend.set_look(as_look(look))
 
     def show(self, recording: Recording, row: int) -> None:

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 OBSERVED = ("agent_pos", "tcp_pose")
 """Parts of the observation that are recorded as they are."""
 UNDECIDED = "Nobody said whether to keep it."
-"""Why an episode is not meant to be used that was left while it waited."""
+"""Reason why an episode that was left undecided is not meant to be used."""
 
 
 class Recorder(DuoWrapper):
@@ -69,7 +69,7 @@ class Recorder(DuoWrapper):
 
     Args:
         env: An environment that takes single actions and says the stage in `info`; on real arms
-            no states are recorded, since there are none.
+            no states are recorded.
         data: Data set that episodes are added to, or its folder; None leaves each in `content`.
         actor: Who or what acts.
         after_success: Seconds that an episode goes on after success, rounded to control steps.
@@ -112,7 +112,7 @@ class Recorder(DuoWrapper):
         self.data = DataSet.open(data) if isinstance(data, str | Path) else data
         """Data set to which episodes are added, if any."""
         self.content: bytes | None = None
-        """Without a data set, the last finished episode, as the content of its file."""
+        """Content of the file of the last finished episode, if there is no data set."""
         self.actor = actor or Actor()
         """Actor, from the next episode on."""
         self.next_name: str | None = None
@@ -154,7 +154,7 @@ class Recorder(DuoWrapper):
         """Begin an episode and its recording; a running one ends here, marked as cut.
 
         Raises:
-            DataError: The actor is none, or an episode has the name of the next one.
+            DataError: The actor is invalid, or the name of the next episode is taken.
         """
         if not isinstance(self.actor, Actor):
             raise DataError(
@@ -289,7 +289,7 @@ class Recorder(DuoWrapper):
 
     @property
     def pending(self) -> Outcome | None:
-        """How the episode ended that waits for `keep` or `discard`; None while none does."""
+        """Outcome of the episode that waits for `keep` or `discard`; None otherwise."""
         return self._episode and self._episode.info.outcome
 
     def keep(self) -> None:
@@ -298,7 +298,7 @@ class Recorder(DuoWrapper):
             self._write()
 
     def correct(self, changes: Iterable[tuple[int, int]], *, holds: bool) -> None:
-        """Have the episode that waits, if one does, say what a person judged after it was over.
+        """Set a person's judgement of the waiting episode, if one waits.
 
         Args:
             changes: Pairs (control step, stage), each in the rows after that step, or in the last.
@@ -348,7 +348,7 @@ class Recorder(DuoWrapper):
         try:
             self._leave(reason="The environment was closed.")
         finally:
-            super().close()  # arms stop, whatever could not be written
+            super().close()  # arms stop even if writing failed
 
     @property
     def _running(self) -> EpisodeRows | None:
@@ -397,14 +397,14 @@ class Recorder(DuoWrapper):
         return replace(config, look=self._sim.look)
 
     def _own_instruction(self) -> str:
-        """The task's own instruction, whatever this episode's is."""
+        """The task's own instruction, which this episode's may paraphrase."""
         task = self.base.definition
         return (
             task.instruction if self._sim is None else task.instruct(self._sim.layout)
         )
 
     def _physics(self) -> Array:
-        """The state of the simulation; no numbers where there is none."""
+        """State of the simulation; empty on real arms."""
         return np.empty(0) if self._sim is None else self._sim.simulation.get_state()
 
 

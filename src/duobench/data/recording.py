@@ -20,7 +20,7 @@ from duobench.data.schema import COLUMNS, INFO_KEY, SCHEMA, Column, EpisodeInfo
 
 _CHECKSUM_KEY = INFO_KEY + b".sha256"
 COMPRESSION_LEVEL = 1
-"""Of zstd; higher ones gain 1 % and take several times as long."""
+"""Level of zstd; higher ones gain 1 % and take several times as long."""
 
 _FLOATS = [
     f"{column.name}.list.element" if column.shape else column.name

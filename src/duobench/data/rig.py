@@ -9,7 +9,7 @@ import numpy as np
 from duobench.core.types import SIDES, DuoState, Side
 from duobench.data.schema import RigFacts, VideoFacts
 from duobench.data.stream import EpisodeRows, EpisodeStream
-from duobench.data.videos import Camera, Videos
+from duobench.data.videos import FrameSource, Videos
 from duobench.world.robot.frames import tcp_poses
 from duobench.world.sim.layout import Layout
 
@@ -26,7 +26,7 @@ class RigState(Protocol):
         ...
 
     @property
-    def cameras(self) -> Mapping[str, Camera]:
+    def cameras(self) -> Mapping[str, FrameSource]:
         """The cameras by name."""
         ...
 
@@ -36,7 +36,7 @@ class RigState(Protocol):
         ...
 
     def see(self, cameras: Iterable[str]) -> None:
-        """Say through which cameras somebody looks: an episode waits for their images alone."""
+        """Set the cameras in use: an episode waits for their images alone."""
 
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""

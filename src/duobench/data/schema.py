@@ -182,7 +182,7 @@ class Actor:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Outcome:
-    """How an episode ended."""
+    """End of an episode."""
 
     success: bool
     stage: int
@@ -191,7 +191,7 @@ class Outcome:
     kept: bool = True
     """Whether it is meant to be used."""
     reason: str | None = None
-    """Why it is not, what made it crash, or why the arms ended it."""
+    """Reason why it is not, what made it crash, or why the arms ended it."""
     cut: bool = False
     """Whether it ended before the environment ended it."""
     success_step: int | None = None
@@ -205,13 +205,13 @@ class EpisodeInfo:
     task: str
     """Its id."""
     reference: str = ""
-    """By what it is loaded, its id or import path; empty where nobody knows."""
+    """Id or import path by which it is loaded; empty if unknown."""
     instruction: str
     """Instruction of the policy, or what an operator typed."""
     subinstructions: tuple[str, ...]
     """Instructions at stages 0, 1, ... that lead to the next one."""
     layout: dict[str, Any]
-    """How the episode began: the JSON form of a `Layout`; empty on real arms."""
+    """Layout at the start in the JSON form of `Layout`; empty on real arms."""
     seed: int | None
     """Seed that sampled the layout; None if it was given."""
     split: str | None
@@ -223,7 +223,7 @@ class EpisodeInfo:
     """Versions of the packages that the episode depends on."""
     actor: Actor
     outcome: Outcome | None = None
-    """How it ended; None while it is being recorded."""
+    """Outcome; None while it is being recorded."""
     first_hash: str | None = None
     """Hash of the `EpisodeState` of the first row; None on real arms."""
     last_hash: str | None = None
@@ -239,7 +239,7 @@ class EpisodeInfo:
     """Lenses and mounts of the cameras, as `robot.cameras.describe_cameras` gives them; on a rig
     what its file says about them. A look that moves cameras is in `config`."""
     task_instruction: str = ""
-    """The task's own instruction in this layout, whatever `instruction` is."""
+    """The task's own instruction in this layout, which `instruction` may paraphrase."""
     has_clutch: bool = False
     """Whether rows say which hands led their arms."""
     domain: Domain = Domain.SIM

@@ -33,7 +33,7 @@ SUFFIX = ".part"
 BATCH_ROWS = 8
 """Rows that are written at a time: 0.27 seconds, which is what a kill may cost."""
 INTERRUPTED = "The recording was interrupted."
-"""Why an episode ended that was recovered."""
+"""Reason of the end of a recovered episode."""
 _FIRST_CAPACITY = 512  # rows; it doubles
 _LENGTH_BYTES = 8
 """Bytes before the head that say how long it is."""
@@ -48,7 +48,7 @@ class _Head:
     """Numbers in one row of the columns that have as many as there are."""
 
     def row_type(self) -> np.dtype[Any]:
-        """How a row lies in memory and in the file."""
+        """Type of a row in memory and in the file."""
         fields = [
             (
                 column.name,
@@ -128,7 +128,7 @@ class EpisodeStream(EpisodeRows):
                     f"{self._partial} exists: the episode is being recorded by another process, or "
                     "its recording was killed. Recover or delete it first."
                 ) from error
-        try:  # only now, when nobody else can begin one of that name
+        try:  # only now, when no other process can begin one of that name
             check_free(path, *(video_path(path, camera) for camera in info.videos))
             with writing(self._partial):
                 lock(self._file.fileno(), self._partial)
@@ -234,7 +234,7 @@ def recover(partial: Path) -> Recording:
 def outcome_of(
     info: EpisodeInfo, rows: NDArray[Any], *, kept: bool, reason: str | None, cut: bool
 ) -> Outcome:
-    """How an episode of some rows, at least one, ended."""
+    """Outcome of an episode from its rows, at least one."""
     return Outcome(
         success=bool(rows["success"][-1]),
         stage=int(rows["stage"][-1]),

@@ -61,7 +61,7 @@ class TaskSummary:
     episodes: int
     successes: int
     discarded: int
-    """How many are not meant to be used."""
+    """Number of episodes that are not meant to be used."""
     cut: int
     frames: int
     """Actions of all episodes."""
@@ -89,7 +89,7 @@ class TaskSummary:
 
     @property
     def attempted(self) -> str:
-        """Counts of attempts in words; empty where there are none."""
+        """Counts of attempts in words; empty without attempts."""
         if not self.attempts:
             return ""
         begun = sum(each.error != SKIPPED for each in self.attempts)
@@ -134,7 +134,7 @@ class Summary:
     joints: tuple[JointSummary, ...]
     """Joint by joint, left then right; none if there is no action."""
     differences: dict[str, str] = field(default_factory=dict)
-    """How files differ from what attempts say, by task, in words."""
+    """Differences of files from noted attempts, by task, in words."""
 
     @property
     def episodes(self) -> int:
@@ -276,7 +276,7 @@ def _summarize_joints(
 
 
 def _smoothness(recordings: Sequence[Recording]) -> Smoothness:
-    """How smooth some episodes are; as smooth as can be where there is no step."""
+    """Smoothness of some episodes; perfect without steps."""
     steps = at_limit = reversals = jumps = 0
     for recording in recordings:
         targets = _labels(recording)

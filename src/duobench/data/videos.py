@@ -38,7 +38,7 @@ _REMEMBERED = 64
 _COLUMNS = ("frame", "frame_number", "frame_age")
 """Columns of a row about frames."""
 _LONGEST_WAIT_S = 60.0
-"""How long a camera waits for an encoder that does nothing, where it waits."""
+"""Seconds that a camera waits for an encoder that does nothing, if it waits."""
 
 
 class CameraFrame(Protocol):
@@ -52,15 +52,15 @@ class CameraFrame(Protocol):
     """Red, green, blue (height, width, 3), both even; nothing changes it any more."""
 
 
-class Camera(Protocol):
+class FrameSource(Protocol):
     """A camera that takes images all the time."""
 
     def listen(self, call: Callable[[Any], None] | None) -> None:
-        """Have every frame from now on given to a call, in any thread; None ends it."""
+        """Give every frame from now on to a call, in any thread; None ends it."""
 
 
 def count_frames(path: Path) -> int:
-    """Whole frames of a video, which may end anywhere; a `DataError` if there is none."""
+    """Count the whole frames of a video, which may be cut off; a `DataError` if it is missing."""
     try:
         with path.open("rb") as file, av.open(file, "r") as container:
             count = 0
@@ -77,7 +77,7 @@ def count_frames(path: Path) -> int:
 
 
 def describe(path: Path, left_out: int = 0) -> VideoFacts:
-    """Facts of an episode about a finished video; a `DataError` if there is none."""
+    """Facts about a finished video; a `DataError` if it is missing."""
     return VideoFacts(
         frames=count_frames(path), sha256=digest_of(path), left_out=left_out
     )
@@ -120,7 +120,7 @@ class _Encoder:
     def __init__(
         self,
         path: Path,
-        camera: Camera,
+        camera: FrameSource,
         rate: int,
         waits: bool,
     ) -> None:
@@ -146,7 +146,7 @@ class _Encoder:
             raise self._error
 
     def take(self, frame: CameraFrame) -> None:
-        """Have a frame encoded, unless it was taken already, or is older than the last one."""
+        """Encode a frame, unless it was taken already or is older than the last one."""
         with self._lock:
             last = self._accepted[-1]
             if (
@@ -205,20 +205,24 @@ class _Encoder:
 class Videos:
     """The videos of an episode while it is recorded, at least one.
 
-    At first they hold the one frame that `see` takes. After `listen` every frame is encoded, until
-    `close`. What cannot be encoded or written is an `OutputError` or a `VideoError`.
+    Before `listen`, `see` encodes one frame of each camera; from `listen` to `close`, every frame
+    is encoded.
 
     Args:
-        episode: The episode's file, beside which they are.
+        episode: The episode's file; the videos are written beside it.
         cameras: The cameras by name.
-        rates: Their frames a second.
+        rates: Frames a second by camera.
         waits: Whether cameras wait for the encoder.
+
+    Raises:
+        OutputError: A video cannot be written.
+        VideoError: A frame cannot be encoded.
     """
 
     def __init__(
         self,
         episode: Path,
-        cameras: Mapping[str, Camera],
+        cameras: Mapping[str, FrameSource],
         rates: Mapping[str, int],
         waits: bool,
     ) -> None:

@@ -1,4 +1,4 @@
-"""Actions as a data set for learning holds them, and what an environment takes for them.
+"""Actions as a data set for learning holds them, and their conversion to an environment's.
 
 Tool rotations are six numbers there, the first two columns of the rotation matrix: unlike
 quaternions they have one form for each rotation and no jumps, so that the mean of two labels means
@@ -21,7 +21,7 @@ from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT, Act
 
 ROTATION_SIZE = 6
 MIN_LENGTH = 1e-3
-"""Columns of a rotation that are shorter than this, or as good as parallel, name none."""
+"""Least length of a rotation's columns; shorter or almost parallel ones define no rotation."""
 
 
 def _names(*position: str) -> tuple[str, ...]:
@@ -40,17 +40,17 @@ metres, a rotation about them as its first two columns, opening; left, then righ
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActionLabels:
-    """The numbers of an action in a data set."""
+    """Names and meaning of the numbers of an action in a data set."""
 
     mode: ActionMode
-    """The mode whose actions they stand for."""
+    """Action mode that the numbers are converted to."""
     names: tuple[str, ...]
     """Name of each number."""
     rotation_numbers: Callable[[Array], Array] | None = None
-    """The numbers of the mode for a rotation matrix (3, 3); None where labels are actions."""
+    """Numbers in which the mode gives a rotation matrix (3, 3); None if the labels are actions."""
 
     def to_actions(self, rows: NDArray[Any]) -> NDArray[np.float32]:
-        """Actions (T, m) of the mode for labels (T, n), in the order of the names."""
+        """Convert labels (T, n), in the order of the names, to actions (T, m) of the mode."""
         if self.rotation_numbers is None:
             return np.asarray(rows, dtype=np.float32)
         sides = np.asarray(rows, dtype=np.float64).reshape(len(rows) * len(SIDES), -1)
@@ -65,7 +65,7 @@ def tool_labels(
     rotations: Array,
     openings: Array,
 ) -> Array:
-    """Rows of Cartesian labels (T, 20), in the order of `POSE_LABELS` and `SHIFT_LABELS`.
+    """Cartesian labels (T, 20), in the order of `POSE_LABELS` and `SHIFT_LABELS`.
 
     Args:
         positions: Positions or translations (T, 2, 3) in metres, left then right.
@@ -80,7 +80,7 @@ def tool_labels(
 
 
 def rotations_from_columns(columns: Array) -> Array:
-    """Rotation matrices (n, 3, 3) nearest to two columns (n, 6) each, by Gram and Schmidt.
+    """Rotation matrices (n, 3, 3) from two columns (n, 6) each, by the Gram-Schmidt process.
 
     The first column keeps its direction; the second one is turned until it is normal to it.
     """
@@ -128,14 +128,15 @@ LABELS: Mapping[str, ActionLabels] = MappingProxyType(
 
 
 def find(names: Sequence[str]) -> ActionLabels | None:
-    """The labels whose numbers have some names; None if there are none.
+    """Return the labels with exactly these names, or None.
 
-    The numbers of every action mode are labels too, which stand for themselves.
+    The plain numbers of every action mode are labels too.
     """
-    plain = (
-        ActionLabels(mode=m, names=m.names) for m in action_modes.ACTION_MODES.values()
-    )
-    matching = (
-        labels for labels in (*LABELS.values(), *plain) if labels.names == tuple(names)
-    )
-    return next(matching, None)
+    wanted = tuple(names)
+    for labels in LABELS.values():
+        if labels.names == wanted:
+            return labels
+    for mode in action_modes.ACTION_MODES.values():
+        if mode.names == wanted:
+            return ActionLabels(mode=mode, names=mode.names)
+    return None

@@ -62,7 +62,7 @@ KEPT_STARTS = 4096
 """Starts of episodes that are kept, about 5 kB each."""
 OPENINGS = list(OPENING_SLOTS)
 Start = tuple[EpisodeState, Info]
-"""How an episode begins: its state, and the info of the reset, with its look."""
+"""Start of an episode: its state, the info of its reset, and its look."""
 
 
 class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
@@ -207,7 +207,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         options: Info,
         state: EpisodeState | None = None,
     ) -> Start:
-        """How the next episode of one environment begins."""
+        """Make the start of the next episode of one environment."""
         if seed is not None:
             self._generators[number] = seeding.np_random(seed)[0]
         if state is not None:

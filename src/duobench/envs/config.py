@@ -128,7 +128,7 @@ class EnvConfig:
 
     @classmethod
     def from_options(cls, options: Mapping[str, Any]) -> Self:
-        """From keyword arguments, which may be looser than the fields.
+        """Make a configuration of keyword arguments, which may be looser than the fields.
 
         Args:
             options: Values of the fields by name. `cameras` may also be True (all), False (none),
@@ -223,7 +223,7 @@ INSTRUCTION = "instruction"
 OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK, INSTRUCTION)
 """Options of a reset in simulation; see `SimEnv`."""
 OF_OTHERS = ("lerobot_new_rollout",)
-"""Options that programs hand on to whatever environment they play, which mean nothing to ours."""
+"""Options that programs pass to every environment, and that ours ignores."""
 
 
 SEEDS_END = 2**63

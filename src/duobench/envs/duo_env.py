@@ -96,7 +96,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         self.definition = task
         """The task as data."""
         self.reference = ""
-        """By what it was given, its id or import path; empty where it was given itself."""
+        """Id or import path by which the task was given; empty if it was given as an object."""
         self.config: EnvConfig | None = None
         """Configuration of the environment; None where wrappers were put together by hand."""
         self._instruction = task.instruction
@@ -207,7 +207,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         return self._observation(), 0.0, False, reason is not None, info
 
     def _truncation_reason(self) -> str | None:
-        """Why the arms, which hold then, cannot go on; None where they can."""
+        """Reason why the arms hold and cannot continue; None if they can."""
         backend = self.backend
         if backend.held is None and (
             fault := backend.health() or _stale(backend.image_ages())
@@ -253,7 +253,7 @@ def base_of(env: gym.Env) -> DuoEnv:
     """The `DuoEnv` under all wrappers.
 
     Raises:
-        TypeError: There is none.
+        TypeError: The environment wraps no `DuoEnv`.
     """
     base = env.unwrapped
     if not isinstance(base, DuoEnv):
@@ -301,7 +301,7 @@ def _of_a_state(restore: Callable[..., Start]) -> Callable[..., Start]:
 
 
 class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
-    """A wrapper around a `DuoEnv`, whatever stands between.
+    """Wrapper around a `DuoEnv`, with other wrappers between them or not.
 
     Gymnasium's wrappers do not pass attributes on. Those that tools of the field look for on the
     outermost environment are passed on here.

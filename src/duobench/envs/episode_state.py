@@ -45,7 +45,7 @@ class EpisodeState:
     """
 
     layout: Layout
-    """How the episode began; its variants decide what the model looks like."""
+    """Layout at the start; its variants decide which model is compiled."""
     physics: Array
     """Full state of the simulation (n,)."""
     scale: PhysicsScale = UNSCALED
@@ -53,7 +53,7 @@ class EpisodeState:
     instruction: str | None = None
     """The policy's; None is the task's own. No part of the hash: nothing moves by it."""
     look: Look | None = None
-    """How images look; None is the environment's own. No part of the hash either."""
+    """Look of images; None is the environment's own. No part of the hash either."""
     progress: ProgressState | None = None
     """Stage, and what its constraints remember."""
     steps: int | None = None

@@ -1,4 +1,4 @@
-"""How an episode begins, is judged, and ends: random resets, stages, the horizon."""
+"""Wrappers for start, stages and end of an episode: random resets, judge, horizon."""
 
 from dataclasses import replace
 from typing import Any, Protocol
@@ -187,7 +187,7 @@ class TaskStages(DuoWrapper):
 
     @property
     def unmet(self) -> Words | None:
-        """Why the last step did not reach the next stage, where `explain_stages` prepared it.
+        """Reason why the last step did not reach the next stage, if `explain_stages` prepared it.
 
         Short sentences, one for each constraint of the next stage that does not hold: "block is
         20 mm above mat, not at most 12 mm". None if the last step failed, or nothing was stepped

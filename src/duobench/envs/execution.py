@@ -1,4 +1,4 @@
-"""How chunks of actions are executed, and the loop that does it, one control step each."""
+"""Execution of chunks of actions, one control step each."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ class Step:
     """One control step, as watchers see it."""
 
     number: int
-    """How many control steps the episode has had with this one, from 1."""
+    """Number of this control step in the episode, from 1."""
     action: NDArray[np.floating]
     """The action (n,) that was executed."""
     observation: dict[str, Any]

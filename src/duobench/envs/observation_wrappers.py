@@ -48,7 +48,7 @@ class Cameras(ObservingWrapper):
     Args:
         cameras: Names of cameras.
         image_size: Height and width in pixels, at most the native 720 x 1280. An image shows
-            the whole native field of view whatever its size.
+            the whole native field of view at every size.
 
     Raises:
         UnknownNameError: There is no such camera.

@@ -76,9 +76,9 @@ def with_wrappers(env: gym.Env) -> gym.Env:
     """Put the wrappers of the protocol around a base environment.
 
     Args:
-        env: What `make_base` gave. `gymnasium.make` limits it to the registered horizon or to its
+        env: Result of `make_base`. `gymnasium.make` limits it to the registered horizon or to its
             `max_episode_steps`. Here that limit is exchanged for ours, which counts control steps
-            whatever an action is, is part of an episode's state, and refuses steps after the end.
+            in every action mode, is part of an episode's state, and rejects steps after the end.
     """
     from duobench.envs.sim_env import sim_of
 

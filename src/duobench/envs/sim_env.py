@@ -107,7 +107,7 @@ class SimEnv(DuoEnv):
 
     @property
     def layout(self) -> Layout:
-        """How the current episode began; an error before the first reset."""
+        """Layout of the current episode; an error before the first reset."""
         if self._layout is None:
             raise ResetNeededError(
                 "There is no layout before the first reset; call reset first."
@@ -116,7 +116,7 @@ class SimEnv(DuoEnv):
 
     @property
     def look(self) -> Look:
-        """How images of the current episode look."""
+        """Look of the images of the current episode."""
         return self._arms.look
 
     def set_look(self, look: Look) -> None:
@@ -278,7 +278,7 @@ class SimJudge(Progress):
         self.update(self._env.simulation)
 
     def near(self) -> float:
-        """How near the next stage is, from 0 to below 1."""
+        """Nearness of the next stage, from 0 to below 1."""
         return self.nearness(self._env.simulation)
 
     def set_state(

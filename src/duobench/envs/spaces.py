@@ -16,7 +16,7 @@ from duobench.core.errors import ActionError
 from duobench.core.types import ARM_JOINTS, SIDES, Array, real_array
 
 JOINT_MARGIN = 0.5
-"""How far a measured joint may be outside its range, in radians; the engine's limits are soft."""
+"""Distance in radians of a measured joint beyond its range; the engine's limits are soft."""
 WORKSPACE = 1.5
 """Largest coordinate of a tool position in an action, in metres."""
 REACH = 1.9

@@ -48,7 +48,7 @@ def names_of(parts: Collection[StatePart]) -> tuple[str, ...]:
 
 
 def find(names: Sequence[str]) -> tuple[StatePart, ...] | None:
-    """The parts of a state whose numbers have some names; None if there are none."""
+    """Return the parts of a state whose numbers have exactly these names, or None."""
     choices = (
         each
         for count in range(len(StatePart) + 1)

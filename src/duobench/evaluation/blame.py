@@ -1,4 +1,4 @@
-"""Whose failure an error is: that of the place where it was raised, whatever its class."""
+"""Blame for errors: it depends on where an error was raised, not on its class."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -18,7 +18,7 @@ from duobench.core.errors import (
 )
 
 
-class Place(Enum):
+class ErrorPlace(Enum):
     """Places at which errors are raised while an episode is played."""
 
     RENDERING = auto()
@@ -29,20 +29,20 @@ class Place(Enum):
     """Physics of an action, which follows from nothing but the action."""
 
 
-_PLACES: Mapping[str, Place] = {
-    "duobench.world.sim.rendering:*": Place.RENDERING,
-    "duobench.evaluation.video:*": Place.RENDERING,
-    "duobench.core.video:*": Place.RENDERING,
-    "duobench.world.objects.*:*": Place.TASK,
-    "duobench.world.scene.*:*": Place.TASK,
-    "duobench.world.sim.simulation:Simulation.__init__": Place.TASK,
-    "duobench.envs.sim_env:SimEnv._begin": Place.TASK,
-    "duobench.envs.sim_env:SimJudge.*": Place.TASK,
-    "duobench.tasks.*:*": Place.TASK,
-    "duobench.tasks.stages.*:*": Place.TASK,
-    "duobench.envs.*:*.check_action": Place.ACTION,
-    "duobench.world.kinematics.*:*": Place.ACTION,
-    "duobench.world.sim.backend:SimBackend.command": Place.ACTION,
+_PLACES: Mapping[str, ErrorPlace] = {
+    "duobench.world.sim.rendering:*": ErrorPlace.RENDERING,
+    "duobench.evaluation.video:*": ErrorPlace.RENDERING,
+    "duobench.core.video:*": ErrorPlace.RENDERING,
+    "duobench.world.objects.*:*": ErrorPlace.TASK,
+    "duobench.world.scene.*:*": ErrorPlace.TASK,
+    "duobench.world.sim.simulation:Simulation.__init__": ErrorPlace.TASK,
+    "duobench.envs.sim_env:SimEnv._begin": ErrorPlace.TASK,
+    "duobench.envs.sim_env:SimJudge.*": ErrorPlace.TASK,
+    "duobench.tasks.*:*": ErrorPlace.TASK,
+    "duobench.tasks.stages.*:*": ErrorPlace.TASK,
+    "duobench.envs.*:*.check_action": ErrorPlace.ACTION,
+    "duobench.world.kinematics.*:*": ErrorPlace.ACTION,
+    "duobench.world.sim.backend:SimBackend.command": ErrorPlace.ACTION,
 }
 """Places by the module and the function that lead to them: the outermost one counts."""
 
@@ -57,7 +57,7 @@ def _causes(error: BaseException) -> list[BaseException]:
 
 def place_of(
     error: BaseException,
-) -> tuple[Place | None, BaseException, TracebackType | None]:
+) -> tuple[ErrorPlace | None, BaseException, TracebackType | None]:
     """Place at which an error was raised, by which error, and its traceback from there on."""
     for cause in _causes(error):
         trace = cause.__traceback__
@@ -76,14 +76,14 @@ def fault_of(error: BaseException, task: str) -> MachineryError:
     if isinstance(error, MachineryError) and is_machinery(error):
         return error
     place, cause, trace = place_of(error)
-    if place is Place.TASK:
+    if place is ErrorPlace.TASK:
         text = foreign_traceback(cause.with_traceback(trace))
         return TaskFailedError(
             f"The task {task!r} itself failed, not the policy.\n{text}"
         )
     if isinstance(error, DuoBenchError):
         return MachineryError(str(error))
-    if place is Place.RENDERING:
+    if place is ErrorPlace.RENDERING:
         words = f"{type(error).__name__}: {error}"
         return MachineryError(escaped(f"Nothing can be rendered: {words}."))
     return MachineryError(f"The evaluation itself failed.\n{traceback_text(error)}")
@@ -121,5 +121,7 @@ class Asking:
 
     def fault_of(self, error: BaseException, task: str) -> MachineryError | None:
         """Fault behind an error that ended an episode; None if it is the policy's."""
-        is_own = self._raised in _causes(error) or place_of(error)[0] is Place.ACTION
+        is_own = (
+            self._raised in _causes(error) or place_of(error)[0] is ErrorPlace.ACTION
+        )
         return None if is_own and not is_machinery(error) else fault_of(error, task)

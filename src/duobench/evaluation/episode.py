@@ -48,7 +48,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RecordingPlan:
-    """That episodes are recorded, and which of them are kept."""
+    """Plan of a recording of episodes, and which of them are kept."""
 
     split: str
     keep_failures: bool = False
@@ -85,7 +85,7 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     suite: Suite
     limits: TimeLimits = TimeLimits()
     videos: int = 0
-    """How many episodes of each task, from the first on, have a video."""
+    """Number of episodes of each task, from the first on, with a video."""
     recording: RecordingPlan | None = None
 
 
@@ -102,7 +102,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     def objection(
         self, episode: Episode, run: Run, plan: RecordingPlan | None
     ) -> str | None:
-        """Why this is not the episode of a run that was to be played; None if it is."""
+        """Reason why this is not the wanted episode of a run; None if it is."""
         wrong = run.objection(self.record, episode)
         if wrong is not None:
             return f"its record is another one: {wrong}"
@@ -120,7 +120,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
 
 
 class Closable(Protocol):
-    """Something that is closed when it is not needed any more."""
+    """Object that is closed when it is not needed any more."""
 
     def close(self) -> None:
         """Free what it holds."""
@@ -151,7 +151,7 @@ class Latest(Generic[V]):
             value.close()
 
 
-class _Setting:
+class _TaskSetup:
     """Environment and policy of a task and a shift, with what records and shows them."""
 
     def __init__(
@@ -169,7 +169,7 @@ class _Setting:
 
 
 def _inference(source: PolicySource) -> str | None:
-    """How a policy infers, for people: what its numbers may depend on beside its version."""
+    """Inference of a policy in words: all but the version that its actions may depend on."""
     metadata, batching = source.metadata, source.batching
     parts = [f"{batching.mode} batches of {batching.size}"] if batching else []
     parts += [part for part in (metadata.dtype, metadata.device) if part]
@@ -208,7 +208,7 @@ class EpisodeRunner:
         self._clock = clock or EpisodeClock()
         self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
-        self._latest: Latest[_Setting] = Latest()
+        self._latest: Latest[_TaskSetup] = Latest()
         metadata = source.metadata
         config = EnvConfig(
             **needed_options(metadata),
@@ -291,7 +291,7 @@ class EpisodeRunner:
             elif recording is not None:
                 reason = escaped(f"{type(caught).__name__}: {caught}")
                 recording.finish(kept=False, reason=reason)
-            self._latest.close()  # whatever broke may have left it in any state
+            self._latest.close()  # a failure may have left it in any state
             if fault is not None:
                 raise fault from caught
             error = caught
@@ -307,7 +307,7 @@ class EpisodeRunner:
         )
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy act twice on the first observation of an episode, which is not played."""
+        """Let the policy act twice on the first observation of an episode, which is not played."""
         setting = self._prepare(episode)
         env, policy = setting.env, setting.policy
         (size,) = env.action_space.shape or (0,)
@@ -344,14 +344,14 @@ class EpisodeRunner:
         except Exception:  # noqa: BLE001 - the results are there
             _log.warning("The policy could not be closed.", exc_info=True)
 
-    def _prepare(self, episode: Episode) -> _Setting:
+    def _prepare(self, episode: Episode) -> _TaskSetup:
         """Return the setting of a task and a shift; that of others is closed first."""
         with before_policy(episode.task.id):
             return self._latest.get(
                 (episode.task, episode.shift), lambda: self._make(episode)
             )
 
-    def _make(self, episode: Episode) -> _Setting:
+    def _make(self, episode: Episode) -> _TaskSetup:
         config = replace(self.run.candidate.config, shift=episode.shift)
         env = make(episode.task.reference, **asdict(config))
         plan = self._recording
@@ -361,8 +361,8 @@ class EpisodeRunner:
             env.close()
             raise
         if plan is None:
-            return _Setting(env, policy, None)
+            return _TaskSetup(env, policy, None)
         recorder = Recorder(
             env, None, self._actor, after_success=plan.after_success, keep=plan.keeps
         )
-        return _Setting(recorder, policy, recorder)
+        return _TaskSetup(recorder, policy, recorder)

@@ -21,7 +21,7 @@ def load_observer(path: str) -> Observer[Any]:
     """Return the observer that an import path `module:NAME` names.
 
     NAME is an observer, or a class or a function that makes one when it is called without
-    arguments. Whatever the observer raises becomes an `ObserverError` that names it.
+    arguments. Every error of the observer becomes an `ObserverError` that names it.
 
     Raises:
         ImportPathError: The module cannot be imported.
@@ -37,7 +37,7 @@ def load_observer(path: str) -> Observer[Any]:
             f"Observer {path!r} is of type {type(value).__name__}; an observer has the methods "
             "on_run_start(run, finished) and on_episode(record)."
         )
-    return _Named(path, value)
+    return _NamedObserver(path, value)
 
 
 def _fits(value: object) -> bool:
@@ -57,7 +57,7 @@ def _blamed(path: str, what: str) -> Iterator[None]:
         raise ObserverError(f"Observer {path!r} {what}.\n{text}") from error
 
 
-class _Named:
+class _NamedObserver:
     """An observer whose errors say which one it is."""
 
     def __init__(self, path: str, observer: Observer[Any]) -> None:

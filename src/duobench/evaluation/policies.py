@@ -57,7 +57,7 @@ class PolicyChoice:
     """`expert`, `expert:VARIETY`, `blind`, a baseline's name, `lerobot:PATH_OR_ID`,
     `module:attribute`, or a name of `SERVED`."""
     batching: Batching | None = None
-    """How many observations a batch of a `BatchPolicy` has; None takes the default."""
+    """Observations in a batch of a `BatchPolicy`; None takes the default."""
     server: RemoteServer | None = None
     """Address of the server of a served policy."""
     address: PolicyAddress | None = None
@@ -100,7 +100,7 @@ class PolicySource:
     bind: Callable[[gym.Env], Policy]
     close: Callable[[], None] = lambda: None
     batching: Batching | None = None
-    """How many observations a batch has; None if that is one, or unknown."""
+    """Observations in a batch; None if that is one, or unknown."""
     waits_for_others: bool = False
     """Whether it may have to wait for others, for which it is not to blame."""
 
@@ -156,7 +156,7 @@ def source(
         batching: How many observations a batch of a `BatchPolicy` has; None takes the default.
 
     Raises:
-        UnknownNameError: If there is none of that name, or no such variety.
+        UnknownNameError: If the name or its variety is unknown.
         PolicyError: If the module or its attribute is missing, or gives something else; if a task
             has no expert.
     """

@@ -1,4 +1,4 @@
-"""The rollout loop: one policy, one environment, one episode, and whoever watches."""
+"""Rollout loop: one policy plays one episode in one environment, with watchers."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
@@ -28,7 +28,7 @@ Played_contra = TypeVar("Played_contra", contravariant=True)
 
 
 class Watcher(Protocol):
-    """Something that watches episodes: a recorder, a video, a progress bar.
+    """Watcher of episodes: a recorder, a video, a progress bar.
 
     With an attribute `needs_frames` that is true, images are rendered at every control step, not
     only at those that the policy sees. What inherits from it need not have all of its methods.
@@ -51,7 +51,7 @@ class Watcher(Protocol):
 
 
 class Observer(Protocol[Played_contra]):
-    """Something that shows how far a run is."""
+    """Display of a run's progress."""
 
     def on_run_start(self, run: Run, finished: Sequence[Played_contra]) -> None:
         """The run begins, or goes on with some episodes already finished."""
@@ -183,7 +183,7 @@ def _changes_observations(env: gym.Env) -> bool:
 
 @contextmanager
 def watched_by(watchers: Sequence[Watcher]) -> Iterator[None]:
-    """Tell watchers how an episode ended, whatever happens in the block, the first one first."""
+    """Tell watchers in order how an episode ended, after errors in the block too."""
     with ExitStack() as ending:
         for watcher in reversed(watchers):
             ending.push(partial(_end, watcher))

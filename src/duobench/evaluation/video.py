@@ -94,7 +94,7 @@ class VideoRecorder:
             self._show(step.number, step.info)
 
     def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - what there was is shown
-        """Finish the video, whatever the end was."""
+        """Finish the video, however the episode ended."""
         self._writer.close()
 
     def video(self) -> bytes | None:

@@ -116,7 +116,7 @@ class BatchPolicy(Protocol):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batching:
-    """How many observations a batch has."""
+    """Number of observations in a batch."""
 
     mode: BatchMode = "fixed"
     """ "fixed" fills every batch up to `size`; "dynamic" takes what is there, which is faster."""

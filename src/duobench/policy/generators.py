@@ -21,13 +21,13 @@ MAKING_SEED = 0
 
 
 class _TorchSeeder(MetaPathFinder):
-    """Seeds torch's generators as soon as somebody imports it."""
+    """Import hook that seeds torch's generators as soon as it is imported."""
 
     def __init__(self) -> None:
         self.seed, self._is_looking = MAKING_SEED, False
 
     def find_spec(self, name: str, *_where: Any) -> ModuleSpec | None:
-        """Find torch as it would be found without this."""
+        """Find torch by the other finders, and seed it once it is imported."""
         if name != "torch" or self._is_looking:
             return None
         self._is_looking = True
@@ -59,7 +59,7 @@ _TORCH_SEEDER = _TorchSeeder()
 
 
 def _torch() -> Any:
-    """The module torch if somebody has imported it, else None."""
+    """The module torch if it has been imported, else None."""
     torch = sys.modules.get("torch")
     return torch if hasattr(torch, "manual_seed") else None
 
@@ -100,7 +100,7 @@ def tried(call: Callable[[], T]) -> tuple[T, bool]:
     """Result of a call with generators of `MAKING_SEED`, and whether it has moved them.
 
     The first calls of an object may import torch, or make a model and take random numbers for that:
-    with this seed it is the same in every process, whatever is played there first.
+    with this seed it is the same in every process, in any order of episodes.
     """
     seed_generators(MAKING_SEED)
     given = call()

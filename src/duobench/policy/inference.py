@@ -35,8 +35,8 @@ _log = logging.getLogger(__name__)
 MAX_WAITING = 256
 """Requests that may wait; more are refused, so that memory stays bounded."""
 PATIENCE, LONGEST_WAIT_S = 0.25, 0.25
-"""For how long a batch waits for the sessions of the last one: a part of the time that the last
-one took, and at most so many seconds. An episode is usually back within a tenth of a second, and
+"""Wait of a batch for the sessions of the last one: a share of the time that the last one took,
+and the most in seconds. An episode is usually back within a tenth of a second, and
 one call for all costs little more than one for half; if it is not back, little
 is lost."""
 

@@ -1,4 +1,4 @@
-"""A checkpoint of LeRobot: its name, its files, and what it sees and controls; without torch."""
+"""LeRobot checkpoint: its name, files, inputs and actions, read without torch."""
 
 import difflib
 import hashlib
@@ -29,21 +29,22 @@ from duobench.envs.action_modes import JOINT
 from duobench.envs.state_labels import StatePart
 from duobench.world.robot.cameras import POLICY_CAMERAS
 
-CONFIG, WEIGHTS = "config.json", "model.safetensors"
+CONFIG = "config.json"
+WEIGHTS = "model.safetensors"
 PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")
 ADAPTER = "adapter_config.json"
 """File of low-rank adapters, in place of the weights."""
 _TRAINING = "train_config.json"
-"""File of LeRobot's trainer beside a checkpoint: where the data set was, nothing that changes what
-the policy does."""
+"""File of LeRobot's trainer beside a checkpoint: it names the data set, and does not change how the
+policy acts."""
 _EMPTY = f"{IMAGE_PREFIX}empty_camera_"
-"""Placeholders that a model fills itself."""
+"""Beginning of the names of placeholder images, which a model fills itself."""
 GROOT = "groot"
 """GR00T N1.7, whose model executes no more than `n_action_steps` of its chunk."""
 CHUNKED = ("act", GROOT, "pi0", "pi05", "smolvla", "xvla")
 """Kinds of policies that predict `chunk_size` actions from one observation."""
 DIFFUSION = "diffusion"
-"""The kind that sees the last `n_obs_steps` observations."""
+"""Kind of policy whose input is the last `n_obs_steps` observations."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -53,20 +54,20 @@ class Address:
     checkpoint: str
     """Folder of a checkpoint, or its id on the Hub."""
     steps: int | None = None
-    """Actions executed of each chunk; None takes the usual 30, or all that there are."""
+    """Actions executed of each chunk; None takes 30, or the whole chunk if it is shorter."""
     device: str | None = None
-    """Device of the model, as torch names it; None takes the best that is there."""
+    """Device of the model, as torch names it; None takes the best available one."""
     dtype: str | None = None
     """Numbers of the weights, "float32" or "bfloat16"; None takes those of the checkpoint."""
     action: str | None = None
-    """Mode that its actions are meant for, as an export names it; None takes what the names of its
-    data set say."""
+    """Action mode, as an export names it; None takes the mode that the names of the actions in its
+    data set belong to."""
     domain: str = DOMAINS[0]
     """Domain in which it plays, "sim" or "real"; for a policy that learned with domain ids."""
 
 
 def parse(text: str) -> Address:
-    """Read what stands after `lerobot:`: a folder or an id, then perhaps `?` and options.
+    """Parse the text after `lerobot:`: a folder or an id, optionally followed by `?` and options.
 
     Example:
         >>> parse("runs/act/checkpoints/last/pretrained_model?steps=10").steps
@@ -78,7 +79,7 @@ def parse(text: str) -> Address:
             "A LeRobot policy is lerobot:PATH_OR_ID, the folder of a checkpoint or its id on the "
             "Hub, such as lerobot:runs/act/checkpoints/last/pretrained_model."
         )
-    _, *known = (field.name for field in fields(Address))
+    known = [field.name for field in fields(Address) if field.name != "checkpoint"]
     options: dict[str, str] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):
         check_known("option of a LeRobot policy", name, known)
@@ -101,7 +102,11 @@ def parse(text: str) -> Address:
 
 
 def find(checkpoint: str) -> Path:
-    """The folder of a checkpoint, from itself or from an id `user/name` on the Hub."""
+    """Return the folder of a checkpoint, given as a path or as an id `user/name` on the Hub.
+
+    Raises:
+        PolicyError: There is no such checkpoint, or it cannot be played.
+    """
     path = Path(checkpoint).expanduser()
     folder = path if path.is_dir() else _downloaded(checkpoint)
     if (folder / ADAPTER).exists():
@@ -159,14 +164,14 @@ def content_hash(folder: Path) -> str:
 
 
 def read(path: Path) -> Mapping[str, Any]:
-    """A JSON object from a file; an empty one where there is none."""
+    """Read a JSON object from a file; a missing file is an empty object."""
     return read_object(path, PolicyError) or {}
 
 
 def inputs(
     config: Any, rename_map: Mapping[str, str]
 ) -> tuple[tuple[str, ...], tuple[int, int] | None]:
-    """Inputs of a checkpoint, in names of this benchmark: cameras, and the size of their images.
+    """Cameras of a checkpoint, in names of this benchmark, and the size (height, width) of images.
 
     Args:
         config: Its configuration, LeRobot's `PreTrainedConfig`.
@@ -193,13 +198,12 @@ def inputs(
         raise PolicyError(
             f"All images have one size here; the checkpoint's differ: {listed}."
         )
-    return tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes), next(
-        iter(sizes), None
-    )
+    cameras = tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes)
+    return cameras, next(iter(sizes), None)
 
 
 def horizon(config: Any) -> int:
-    """Actions that a checkpoint predicts from the current observation on."""
+    """Number of actions that a checkpoint predicts from the current observation on."""
     if getattr(config, "temporal_ensemble_coeff", None) is not None:
         raise PolicyError(
             "The checkpoint averages overlapping chunks (temporal_ensemble_coeff), which must be "
@@ -213,9 +217,8 @@ def horizon(config: Any) -> int:
             f"A LeRobot policy of type {config.type!r} is not supported; "
             f"{', '.join(sorted((*CHUNKED, DIFFUSION)))} are."
         )
-    return len(
-        config.action_delta_indices
-    )  # `chunk_size`, or less where a base of GR00T has less
+    # `chunk_size`, or less where a base of GR00T has less.
+    return len(config.action_delta_indices)
 
 
 def _check_vectors(config: Any) -> None:
@@ -229,9 +232,9 @@ def _check_vectors(config: Any) -> None:
 
 
 def state_parts(folder: Path, config: Any) -> tuple[StatePart, ...]:
-    """Parts of a checkpoint's state behind joint positions and openings.
+    """Parts of a checkpoint's state that follow joint positions and gripper openings.
 
-    The names of its numbers say it, as those of its actions do; 16 numbers are joints and openings.
+    They are found by the names of its numbers; 16 numbers are joints and openings alone.
     """
     state = config.robot_state_feature
     if state is None or tuple(state.shape) == (FLAT_SIZE,):
@@ -254,7 +257,7 @@ def state_parts(folder: Path, config: Any) -> tuple[StatePart, ...]:
 
 
 def object_numbers(config: Any) -> int:
-    """How many numbers of objects a checkpoint sees; 0 where it sees none."""
+    """Number of values of the object state that a checkpoint takes; 0 if it takes none."""
     feature = (config.input_features or {}).get(OBJECT_STATE)
     return 0 if feature is None else int(feature.shape[0])
 
@@ -263,9 +266,9 @@ def _with_near_miss(key: str) -> str:
     near = difflib.get_close_matches(
         key.removeprefix(IMAGE_PREFIX), POLICY_CAMERAS, n=1
     )
-    return f"{key!r}" + "".join(
-        f" (did you mean {IMAGE_PREFIX}{camera}?)" for camera in near
-    )
+    if not near:
+        return repr(key)
+    return f"{key!r} (did you mean {IMAGE_PREFIX}{near[0]}?)"
 
 
 def labels_of(
@@ -273,15 +276,31 @@ def labels_of(
     size: int,
     mode: str | None = None,
 ) -> ActionLabels:
-    """Names of the `size` numbers of a checkpoint's actions; a mode says it whatever names do.
+    """Labels of the `size` numbers of a checkpoint's actions.
 
-    Their names stand beside the checkpoint, where `duobench train` writes them, or else in the
-    data set, as long as it is where it was. Sixteen numbers without names are joint targets.
+    A given mode decides. Otherwise their names do, which `duobench train` writes beside the
+    checkpoint; without that file they are read from the data set, if it is still in its place.
+    Sixteen numbers without names are joint targets.
     """
     if mode is not None:
         check_known("action mode of an export", mode, LABELS)
-        labels, source = LABELS[mode], f"mode {mode!r}"
-    elif (names := _names(folder, ACTION)) is None:
+        labels = LABELS[mode]
+        source = f"mode {mode!r}"
+    else:
+        labels = _named_labels(folder, size)
+        source = "its data set"
+    if len(labels.names) != size:
+        raise PolicyError(
+            f"The checkpoint's actions have {size} numbers, those of {source} "
+            f"{len(labels.names)}: {', '.join(labels.names)}."
+        )
+    return labels
+
+
+def _named_labels(folder: Path, size: int) -> ActionLabels:
+    """Labels that the names of a checkpoint's actions belong to."""
+    names = _names(folder, ACTION)
+    if names is None:
         if size == len(JOINT.names):
             return LABELS[JOINT.name]
         raise PolicyError(
@@ -289,18 +308,12 @@ def labels_of(
             f"is no {FEATURE_NAMES} in {folder}, and no data set where {_TRAINING} says. Name the "
             "mode, as in lerobot:PATH?action=cartesian."
         )
-    elif (found := action_labels.find(names)) is None:
+    labels = action_labels.find(names)
+    if labels is None:
         raise PolicyError(
             f"The checkpoint's actions are {', '.join(map(str, names))}, which no action mode has. "
             "If they are the numbers of one under other names, say which, as in "
             "lerobot:PATH?action=joint."
-        )
-    else:
-        labels, source = found, "its data set"
-    if len(labels.names) != size:
-        raise PolicyError(
-            f"The checkpoint's actions have {size} numbers, those of {source} "
-            f"{len(labels.names)}: {', '.join(labels.names)}."
         )
     return labels
 

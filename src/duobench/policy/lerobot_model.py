@@ -254,7 +254,7 @@ def _configure(
 
 
 def _rename_map(processor: Any) -> Mapping[str, str]:
-    """From names of the environment to those of the checkpoint, as it was trained."""
+    """Map from names of the environment to names in the checkpoint, as trained."""
     steps = (
         step
         for step in processor.steps
@@ -294,7 +294,7 @@ class EpisodeNoise(TorchFunctionMode):
     def __init__(self, keys: Sequence[tuple[int, int]]) -> None:
         super().__init__()
         self._generators = [np.random.default_rng((NOISE_STREAM, *key)) for key in keys]
-        # Whatever else a model samples follows from the whole batch, at least.
+        # Everything else that a model samples depends on the whole batch, at least.
         seeds = np.random.SeedSequence([number for key in keys for number in key])
         torch.manual_seed(int(seeds.generate_state(1)[0]))
 

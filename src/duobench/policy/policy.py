@@ -35,7 +35,7 @@ class PolicyMetadata:
     """Expectations of a policy on the environment that it acts in."""
 
     name: str
-    """How the policy calls itself, for people."""
+    """Name that the policy gives itself, for people."""
     cameras: tuple[str, ...] = POLICY_CAMERAS
     """Cameras that must be in the observation; the others are not rendered. All of the
     environment's by default; `()` for a policy that needs no images, which is faster."""
@@ -155,7 +155,7 @@ class Policy(Protocol):
 
 
 def dimensions(actions: ArrayLike) -> int:
-    """How many dimensions actions have; 0 for what is no array, as `as_chunk` will say."""
+    """Number of dimensions of actions; 0 for a value that is no array."""
     try:
         return np.ndim(actions)
     except ValueError:  # rows of several lengths

@@ -1,4 +1,4 @@
-"""From a name to a policy: baselines, checkpoints of LeRobot, or anything importable."""
+"""Registry of policies by name: baselines, checkpoints of LeRobot, or anything importable."""
 
 import hashlib
 import sys

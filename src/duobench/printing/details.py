@@ -129,7 +129,7 @@ CHANGES: Mapping[str, tuple[float, Colour]] = {
     "ball_maze/board/floor": (maze_board.BASE, maze_board.WALL_COLOUR),
     "bin_sort/black_bowl": (bowl.RIM_HEIGHT - bowl.RIM, blocks.PALE),
 }
-"""From which height in metres on a part is printed in which other colour."""
+"""Heights in metres from which parts are printed in another colour, and the colours."""
 
 FINE = (
     "join_blocks/light_block",
@@ -161,7 +161,7 @@ _MODULES = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PurchasedPart:
-    """Something that is not printed: screws, or an object with the sizes of the simulated one."""
+    """Part that is not printed: screws, or an object with the sizes of the simulated one."""
 
     name: str
     props: tuple[str, ...] = ()

@@ -53,7 +53,7 @@ class PrintChoice:
     version: str = __version__
 
     def differences(self, other: Self) -> list[str]:
-        """In what another one differs, one phrase each."""
+        """Differences from another folder, one phrase each."""
         now, before = (
             {
                 "tasks": ", ".join(each.tasks) or "none",

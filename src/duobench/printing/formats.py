@@ -2,7 +2,7 @@
 
 An STL has triangles in millimetres, without unit and colour. In a 3MF colours are a group of the
 materials extension, which printers' programs read more often than base materials. The archive is
-not compressed, and its dates are fixed: the same parts give the same bytes, whatever version of
+not compressed, and its dates are fixed: the same parts give the same bytes with every version of
 zlib there is.
 """
 
@@ -17,7 +17,7 @@ from duobench.world.objects.shapes import PRINTER, Colour
 from duobench.world.objects.solid import Mesh
 
 BED_STEP = 1.2 * PRINTER
-"""From one bed to the next, along x, in metres: where a program with several beds has them."""
+"""Distance between beds along x in metres, as programs with several beds have them."""
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _MATERIALS = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
 _MODEL = "3D/3dmodel.model"

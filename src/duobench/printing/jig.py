@@ -24,7 +24,7 @@ WIDTH = 0.180
 BAR, HEIGHT = 0.020, 0.008
 """Width of the jig's bars and its height, in metres."""
 HOOK = (0.020, 0.015)
-"""How far the hook reaches along the side of the foot, and how thick it is, in metres."""
+"""Length of the hook along the side of the foot, and its thickness, in metres."""
 NOTCH = 0.004
 """Depth of the notch, and half its width, in metres."""
 RELIEF = 0.003

@@ -31,7 +31,7 @@ GAP = 0.006
 BESIDE, BEHIND = PRINTER - KEPT_FREE[0], PRINTER - KEPT_FREE[1]
 """Width of the bed beside the corner that is kept free, and depth behind it, in metres."""
 ALL_VARIANTS = "all"
-"""In the place of variants: every one of them."""
+"""Word in place of variants: all variants."""
 SAME_VOLUME = 1e-12
 """Volume in m³ by which equal parts may differ: what arithmetic leaves of nothing."""
 _MERGED = 1e-6
@@ -49,12 +49,12 @@ class PrintedPart:
     """One part, in its print pose."""
 
     name: str
-    """Of its file, without an ending."""
+    """Name of its file, without the suffix."""
     body: str
     """The object or part of an object that it belongs to, such as "chest/lid"; of an object with
     variants, one of them, such as "board_3", or without a number all of them."""
     piece: str = ""
-    """Which piece of it, where it is printed in several."""
+    """Number of the piece, if it is printed in several."""
     mesh: Mesh
     """Printed mesh, in metres: z up, its lowest point at 0, the middle of its box over 0, 0."""
     rgba: Colour
@@ -92,7 +92,7 @@ class ObjectMass:
 
     body: str
     mass: float
-    """In kg, as simulated."""
+    """Simulated mass in kg."""
     is_solid: bool
     """Whether the mass is felt; that of something fixed to the table is not."""
 
@@ -309,7 +309,7 @@ class Spot:
 
     part: PrintedPart
     copy: int
-    """Which of its copies, from 0."""
+    """Number of the copy, from 0."""
     bed: int
     x: float
     """Middle of the part's box on the bed, in metres from its left edge."""

@@ -29,7 +29,7 @@ TOLERANCE = 0.05
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PartRecipe:
-    """How to print one part."""
+    """Instructions for printing one part."""
 
     name: str
     file: str
@@ -43,11 +43,11 @@ class PartRecipe:
     orientation: str
     colour: str
     colour_changes: list[tuple[float, str]]
-    """From which height (mm above the bed) on it has another colour."""
+    """Heights in mm above the bed from which it has another colour."""
     layer_mm: float
     walls: int
     infill_percent: int
-    """How much of it is filled: 100 is solid."""
+    """Filled share in per cent: 100 is solid."""
     infill_pattern: str
     supports: str
     volume_cm3: float
@@ -65,7 +65,7 @@ class ObjectRecipe:
     mass_g: tuple[float, float, float] | None
     """Least, target and most. None where it may weigh anything."""
     fixing: str
-    """How it is fixed to the table; empty for what is not."""
+    """Fixing to the table; empty if it is not fixed."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -85,7 +85,7 @@ class Recipe:
     objects: list[ObjectRecipe]
     """Objects that they are put together to."""
     assembly: list[str]
-    """How that is done."""
+    """Instructions for that."""
     bought: list[PurchasedPart]
     notes: list[str]
 

@@ -55,8 +55,8 @@ def outlines_of(
 
     Args:
         prop: The object.
-        variants: Those of the layout, `Layout.variants`; the first of each by default.
-        below: Only what is lower than this, in metres above its lowest point; by default all of it.
+        variants: Variants of the layout, `Layout.variants`; by default the first of each.
+        below: Height in metres above its lowest point; higher parts are left out. None takes all.
 
     Returns:
         Outer outlines without their holes in the object's own frame, in metres: points (n, 2),
@@ -88,7 +88,7 @@ def outlines_of(
 def outlines_on_table(
     prop: Prop, layout: Layout, below: float | None
 ) -> tuple[Array, ...]:
-    """Outlines as of `outlines_of`, but in the table frame, where a layout has the object."""
+    """Outlines of an object in the table frame, at its pose in a layout; see `outlines_of`."""
     pose = layout.poses[prop.name]
     upright = SE3.at(*pose.translation[:2], yaw=pose.yaw)
     return tuple(
@@ -200,7 +200,7 @@ class Mark:
     """Place of one object: x and y in mm from the middle of the robot's base, yaw in degrees."""
 
     name: str
-    """With the variant that the layout has of it, such as "board 4"."""
+    """Name with the variant of the layout, such as "board 4"."""
     x: float
     y: float
     yaw: float

@@ -145,7 +145,7 @@ def _inside(places: NDArray[np.floating], size: tuple[int, int]) -> NDArray[np.b
 
 
 class CanonicalViews:
-    """The cameras of a rig as the simulation's would see; a view is made when it is asked for."""
+    """Images of a rig's cameras as the simulated cameras would see; a view is made on first use."""
 
     def __init__(
         self, cameras: Mapping[str, Camera], configs: Mapping[str, CameraConfig]
@@ -154,7 +154,7 @@ class CanonicalViews:
         self._views: dict[str, CanonicalView] = {}
 
     def images(self, names: Iterable[str], shape: tuple[int, int]) -> dict[str, Image]:
-        """The latest image of each of some cameras, of a height and width in pixels."""
+        """Return the latest image of each named camera, as (height, width) in pixels."""
         found: dict[str, Image] = {}
         for name in names:
             check_known("camera of this rig", name, self._cameras)

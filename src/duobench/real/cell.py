@@ -34,20 +34,20 @@ class Workspace:
             )
 
     def room(self, point: Array) -> float:
-        """How far in metres a point (3,) is inside, at least; negative where it is outside."""
+        """Least distance in metres of a point (3,) from the sides; negative outside."""
         return float(min(np.min(point - self.low), np.min(self.high - point)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Obstacle:
-    """Something that stands still, and from which arms and hands keep away: an upright box."""
+    """Fixed obstacle that arms and hands keep away from: an upright box."""
 
     centre: Point
     """Its middle in the table frame, in metres."""
     size: Point
     """Its lengths along its own x, y and z, in metres."""
     yaw: float = 0.0
-    """How far it is turned about the vertical, in radians."""
+    """Yaw in radians."""
 
     def __post_init__(self) -> None:
         if not all(0.0 < length <= LONGEST for length in self.size):

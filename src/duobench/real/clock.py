@@ -1,4 +1,4 @@
-"""Time as devices see it: real, or virtual, which passes only while somebody waits.
+"""Time as devices see it: real, or virtual, which passes only while a thread waits.
 
 Everything periodic on real arms (followers, cameras, gripper reads) is a call that a clock makes.
 On a real clock each has a thread of its own; on a virtual one they take turns in the order of their
@@ -47,9 +47,9 @@ class Clock(Protocol):
 
         Args:
             period_s: Seconds from one call to the next; calls that come late are not made up for.
-            call: What is called. An error that it raises ends its thread, or reaches whoever waits
-                on a virtual clock: a call that can fail keeps its error for others to see.
-            name: What is done, for a list of threads.
+            call: Function to call. An error in it ends its thread, or is raised in the thread that
+                waits on a virtual clock: a call that can fail keeps its error to be read later.
+            name: Name of its thread.
         """
         ...
 
@@ -130,7 +130,7 @@ class VirtualClock:
         call: Callable[[], None],
         name: str,  # noqa: ARG002 - the protocol's signature
     ) -> Ticker:
-        """Make a call periodically while somebody waits."""
+        """Make a call periodically while a thread waits."""
         ticker = _Virtual(self._tickers, self._now, period_s, call)
         self._tickers.append(ticker)
         return ticker
@@ -191,7 +191,7 @@ class PacedClock(VirtualClock):
             before, last = last, time.monotonic()
             try:
                 super().wait_until(self._now + min(last - before, LONGEST_PACE_S))
-            except Exception as error:  # noqa: BLE001 - whoever waits is told
+            except Exception as error:  # noqa: BLE001 - raised in the thread that waits
                 self._error = error
 
 

@@ -29,7 +29,7 @@ class ReferenceStreamer:
         self._ticker: Ticker | None = None
         self._last = self._late = 0.0
         self.error: str | None = None
-        """Why the arm could not be told where to be, if it could not."""
+        """Reason why the arm could not be commanded, if so."""
 
     def start(self, joints: Array) -> None:
         """Begin at rest at the arm's measured joints (7,) in radians."""
@@ -87,7 +87,7 @@ class ArmsController:
         """Whether the arms track what they are told."""
 
     def engage(self) -> None:
-        """Have both arms track their followers, which begin at the measured joints."""
+        """Let both arms track their followers, which begin at the measured joints."""
         started: list[Arm] = []
         try:
             for side, arm in self.arms.items():
@@ -100,7 +100,7 @@ class ArmsController:
         self.is_engaged = True
 
     def disengage(self) -> None:
-        """Have both arms stop, damped; twice is harmless."""
+        """Stop both arms, damped; calling it twice is harmless."""
         if self.is_engaged:
             self.is_engaged = False
             self._stop([*self.arms.values()])

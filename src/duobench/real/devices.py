@@ -157,7 +157,7 @@ class Camera(Device, Protocol):
         """The latest frame; None before the first one."""
 
     def listen(self, call: Callable[[Frame], None] | None) -> None:
-        """Have every frame from now on given to a call, in the camera's thread; None ends it."""
+        """Give every frame from now on to a call, in the camera's thread; None ends it."""
 
     @property
     def fault(self) -> Fault | None:

@@ -26,7 +26,7 @@ from duobench.real.devices import (
 )
 from duobench.real.follower import PERIOD, paced
 from duobench.real.guard import Guard
-from duobench.real.hands import OPEN, Hands
+from duobench.real.hands import OPEN, GripperPair
 from duobench.real.mounts import SWAPPED, are_swapped
 from duobench.real.rig import Rig
 from duobench.real.supervisor import HELD, State, Supervisor
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 REST_S = 1.0
 """Longest time in seconds that arms are given to come to rest before they stop, damped."""
 HOME_TOLERANCE = 0.03
-"""How near in radians a joint has to be home, which an arm with low gains may miss by a little."""
+"""Distance from home in radians that counts as home: low gains leave a small error."""
 SETTLE_S = 5.0
 """Seconds that arms may take to come to rest, and grippers to open."""
 
@@ -78,7 +78,7 @@ class FrankaDuo:
         self.world = world
         """World of a rehearsal; None for all other rigs."""
         self.supervisor = Supervisor(self._recover)
-        self.hands = Hands(self.grippers, self.supervisor, clock)
+        self.hands = GripperPair(self.grippers, self.supervisor, clock)
         """The grippers, as the operator has them activated and opened."""
         self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
         self._watchdog = Watchdog(
@@ -99,7 +99,7 @@ class FrankaDuo:
         self._home_fractions = np.array(slow)
         self._due = 0.0
         self.late_s = 0.0
-        """How many seconds too late the last command came."""
+        """Seconds by which the last command came too late."""
         self.time = 0.0
         """Seconds on the rig's clock when the latest state was measured."""
         self._last: DuoCommand | None = None
@@ -181,22 +181,22 @@ class FrankaDuo:
             self._controller.hold()
 
     def see(self, cameras: Iterable[str]) -> None:
-        """Say through which cameras somebody looks while commands are followed; all at first.
+        """Set the cameras in use while commands are followed; all at first.
 
         Only their images may not be late then.
         """
         self._watchdog.seen = frozenset(cameras)
 
     def watch_person(self, look: Callable[[], None]) -> None:
-        """Have somebody looked for a hundred times a second while arms or fingers may move.
+        """Check for a person a hundred times a second while arms or fingers may move.
 
-        `look` holds the arms where nobody is there.
+        `look` holds the arms without a person.
         """
         self._watchdog.look = look
 
     @property
     def held(self) -> str | None:
-        """Why the arms are held; None while they follow commands."""
+        """Reason why the arms are held; None while they follow commands."""
         return self.supervisor.reason
 
     @property
@@ -376,7 +376,7 @@ class FrankaDuo:
             self._watchdog.feed()
 
     def _guard_fault(self, last: Array, target: Array) -> Fault | None:
-        """Why the guard does not let a command pass; None if it does."""
+        """Reason why the guard rejects a command; None if it accepts it."""
         if self.guard is None:
             return None
         # Where arms come to rest that brake at the target.
@@ -384,7 +384,7 @@ class FrankaDuo:
         rest = target + speeds * np.abs(speeds) / (2.0 * self._accelerations)
         try:
             problem = self.guard.problem(target) or self.guard.problem(rest)
-        except Exception as error:  # noqa: BLE001 - whatever it is, nobody looks out then
+        except Exception as error:  # noqa: BLE001 - after any error the arms are unwatched
             return FaultKind.CONTROLLER.fault(
                 f"The guard failed: {escaped(repr(error))}"
             )
@@ -393,7 +393,7 @@ class FrankaDuo:
         return FaultKind.CONTACT.fault(f"The guard refused a command: {problem}")
 
     def _engage(self) -> None:
-        """Have the arms track their followers, from where they are."""
+        """Let the arms track their followers, from where they are."""
         if self._controller.is_engaged:
             return
         try:
@@ -447,7 +447,7 @@ class FrankaDuo:
 
     @property
     def waits(self) -> int:
-        """How often the arms came to rest and waited for an image that was late."""
+        """Number of times that the arms rested and waited for a late image."""
         return self._watchdog.waits
 
     def image_ages(self) -> dict[str, float]:

@@ -43,7 +43,7 @@ class RealEnv(DuoEnv):
     """A `DuoEnv` on real arms.
 
     Info also holds `late_s`, how many seconds too late the command came, `image_ages`, the age of
-    the latest image in seconds of each camera that somebody sees, and `waits`, how often this
+    the latest image in seconds of each camera in use, and `waits`, how often this
     episode the arms rested until a late image came. Where a fault ended the episode, `fault_kind`
     says of what sort it is: a `FaultKind`, such as "contact". It is not there where a person held
     the arms.
@@ -107,7 +107,7 @@ class RealEnv(DuoEnv):
         """Bring the arms home and begin an episode; a seed is kept as that of the layout.
 
         Raises:
-            OptionError: The seed or an option is none.
+            OptionError: The seed or an option is invalid.
             BackendError: The operator has not confirmed, or the arms cannot get home.
         """
         given = checked_reset_options(options)

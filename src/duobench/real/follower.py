@@ -23,7 +23,7 @@ GAIN = 25.0
 MAX_STEP_S = 0.02
 """Longest time that one call moves a reference by: after a freeze it goes on, it does not leap."""
 NEAR = 0.02
-"""How far in radians a joint moves until the speed of the tool is looked at anew."""
+"""Motion of a joint in radians after which the speed of the tool is computed again."""
 BRAKING_SHARE = 0.8
 """Part of the acceleration that the approach of a far target is planned with."""
 
@@ -51,7 +51,7 @@ class Follower:
         self.reference = start
         """Joint positions (7,) that the arm is sent, in radians."""
         self.velocity = np.zeros(ARM_JOINTS)
-        """How fast the reference moves (7,), in rad/s."""
+        """Speed of the reference (7,) in rad/s."""
         self._begin = self._end = start
         self._near, self._jacobian = start, tool_jacobians(start)
         self._elapsed = PERIOD
@@ -105,7 +105,7 @@ class Follower:
                 1.0, change / max(np.abs(turn).max(), change)
             )
             velocity = self._within(velocity, dt)
-        # Last, so that it holds whatever else changes; from any speed that was allowed a joint can
+        # Last, so that nothing else changes it; from any speed that was allowed a joint can
         # stop before its range ends.
         return np.minimum(np.maximum(velocity, least), largest)
 

@@ -36,7 +36,7 @@ FINGER_MARGIN = 0.01
 """Distance of fingers from the other arm, and of a hand from its own arm: hands work together.
 Experts of the tasks that the paper rebuilt keep it [measured]."""
 TABLE_DEPTH = 0.002
-"""How far fingers may be told to press on the table, in metres: they grasp what lies on it."""
+"""Depth in metres to which fingers may be sent into the table: they grasp what lies on it."""
 PROP_MARGIN = 0.01
 """Distance in metres that arms and hands keep from what stands fixed in a layout. Fingers may touch
 it: they lift its lid, and grasp what lies in it."""
@@ -51,7 +51,7 @@ _GREY = (0.5, 0.5, 0.5, 1.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Clearance:
-    """How near two parts are."""
+    """Distance of two parts."""
 
     distance: float
     """Their distance in metres; negative where they overlap."""
@@ -113,7 +113,7 @@ class Guard:
             sim = self._at(joints)
             best: Clearance | None = None
             for one, other, margin in self._near_pairs(sim, within):
-                # Overlaps count whatever is looked for.
+                # Overlaps always count.
                 most = within if best is None else best.room + margin
                 reach = max(most, 0.0)
                 distance = mujoco.mj_geomDistance(
@@ -166,7 +166,7 @@ class Guard:
         return None
 
     def _rooms(self, joints: Array) -> list[tuple[float, str]]:
-        """By how many metres parts are too near and tools outside, negative, and both in words."""
+        """Missing distances in metres (negative) of parts and of tools outside, with words."""
         with self._lock:
             nearest = self.nearest(joints, MARGIN)
             rooms = [
@@ -236,7 +236,7 @@ class Guard:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class _Part:
+class _BodyPart:
     """Owner of a geom."""
 
     words: str
@@ -250,7 +250,7 @@ class _Part:
     is_prop: bool = False
     """Whether it is an object of a task, which fingers may touch."""
     is_hinged: bool = False
-    """Whether it is a lid or a door, of which nobody knows how far it is open."""
+    """Whether it is a lid or a door, whose angle is unknown."""
 
 
 def _prop_of(name: str, obstacle: Obstacle) -> Prop:
@@ -264,13 +264,13 @@ def _prop_of(name: str, obstacle: Obstacle) -> Prop:
     )
 
 
-def _part_of(model: MjModel, geom: int) -> _Part:
+def _part_of(model: MjModel, geom: int) -> _BodyPart:
     number = model.geom_bodyid[geom]
     body, name = model.body(number).name, model.geom(geom).name
     root = model.body_rootid[number]
     if model.body_mocapid[root] >= 0:
         thing = model.body(root).name
-        return _Part(
+        return _BodyPart(
             words=f"the {thing.replace('_', ' ')}",
             is_prop=not thing.startswith(f"{OBSTACLE} "),
             is_hinged=bool(model.body_dofnum[number] > 0),
@@ -287,18 +287,20 @@ def _part_of(model: MjModel, geom: int) -> _Part:
                 if is_finger
                 else f"the {side} gripper"
             )
-            return _Part(
+            return _BodyPart(
                 words=words,
                 side=side,
                 link=7,
                 is_finger=is_finger,
             )
-        return _Part(words=f"the {side} arm's {rest}", side=side, link=int(rest[-1]))
+        return _BodyPart(
+            words=f"the {side} arm's {rest}", side=side, link=int(rest[-1])
+        )
     words = {"table": "the table", "floor": "the floor"}.get(name, "the mount")
-    return _Part(words=words, is_table=name == "table")
+    return _BodyPart(words=words, is_table=name == "table")
 
 
-def _margin(one: _Part, other: _Part) -> float | None:
+def _margin(one: _BodyPart, other: _BodyPart) -> float | None:
     """The distance that two parts keep, in metres; None where it does not matter."""
     if one.side is None or other.side is None:
         arm, still = (one, other) if other.side is None else (other, one)

@@ -19,7 +19,7 @@ OPENING_S = 5.0
 _LOOK_S = 1.0 / 30.0
 
 
-class Hands:
+class GripperPair:
     """The grippers of a rig, as a person uses them; a hold stops the fingers."""
 
     def __init__(
@@ -53,7 +53,7 @@ class Hands:
         return tuple(side for side in SIDES if self._grippers[side].read().has_object)
 
     def check_active(self) -> None:
-        """Raise BackendError while one is not active: whatever was asked of it, it would not do."""
+        """Raise BackendError while a gripper is not active: it would ignore all commands."""
         inactive = self.inactive
         if inactive:
             raise BackendError(
@@ -90,7 +90,7 @@ class Hands:
                 self._grippers[side].activate()
 
     def open(self, sides: Sequence[Side] = SIDES) -> None:
-        """Open some hands, whatever they hold; the arms stay as they are.
+        """Open some hands, which drop what they hold; the arms stay as they are.
 
         Raises:
             BackendError: One did not open, is not active, or a hold stopped it.

@@ -47,7 +47,7 @@ class HumanJudge:
 
     @property
     def is_over(self) -> bool:
-        """Whether the episode is over, and nobody has begun another one."""
+        """Whether the episode is over and the next one has not begun."""
         return self._end is not None
 
     def judge(self) -> None:
@@ -75,7 +75,7 @@ class HumanJudge:
 
         Earlier stages may be skipped. It was reached now, or at `film_s` seconds of the episode's
         film; what is said after the end counts at the last step, and may be `late`. `note` writes
-        the label down before anybody sees its effect.
+        the label down before its effect is shown.
         """
         with self._lock:
             if stage is None and not self.labels.standing:

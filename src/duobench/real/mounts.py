@@ -1,7 +1,8 @@
-"""Left and right, told by gravity: both arms hang tilted to their own side.
+"""Detection of swapped arms by the torques that gravity causes.
 
-So gravity pulls other joints of the left arm than of the right one, and arms whose cables or
-addresses are swapped feel the torques of the other mount. Not tried on an arm.
+Each arm is mounted tilted to its own side, so that gravity loads the joints of the left arm and of
+the right arm differently. Arms whose cables or addresses are swapped measure the torques of the
+other mount. Not tried on an arm.
 """
 
 from collections.abc import Mapping
@@ -11,17 +12,19 @@ import numpy as np
 from duobench.core.types import SIDES, Array, Side
 from duobench.real.devices import ArmReading
 
-SMALLEST = 3.0
-"""Torques in N·m that have to be felt, and to differ between the mounts, for an answer."""
-CLEAR = 0.5
-"""An arm is of the mount whose torques differ by this share of the other's at most."""
+MIN_TORQUE = 3.0
+"""Torque of an arm in N·m (norm over its joints) below which nothing is concluded."""
+MAX_RATIO = 0.5
+"""Arms are swapped if the misfit with the other mount is at most this share of that with their
+own mount."""
 SWAPPED = "The arms are swapped: exchange their addresses in the rig's file, or cables."
 
 
 def gravity_torques(joints: Array) -> Array:
-    """Torques (2, 7) in N·m with which the arms carry themselves, grippers and cameras.
+    """Simulated torques (2, 7) in N·m that hold the arms, grippers and cameras against gravity.
 
-    They are those of our own simulation at joints (2, 7) in radians.
+    Args:
+        joints: Joint positions (2, 7) in radians.
     """
     import mujoco
 
@@ -37,13 +40,13 @@ def gravity_torques(joints: Array) -> Array:
 
 
 def misfits(readings: Mapping[Side, ArmReading]) -> tuple[Array, Array] | None:
-    """How far in N·m each arm's torques (2,) at rest are from those of its mount and of the other.
+    """Misfits (2,) in N·m of both arms' measured torques with their own mounts, and swapped.
 
-    None where the arms feel no torques, as computed ones.
+    None if the arms measure hardly any torques, as simulated ones do.
     """
     joints = np.array([readings[side].joints for side in SIDES])
     felt = np.array([readings[side].torques for side in SIDES])
-    if np.linalg.norm(felt, axis=-1).min() < SMALLEST:
+    if np.linalg.norm(felt, axis=-1).min() < MIN_TORQUE:
         return None
     own = np.linalg.norm(felt - gravity_torques(joints), axis=-1)
     # The same joints in the other arm's mount.
@@ -52,6 +55,9 @@ def misfits(readings: Mapping[Side, ArmReading]) -> tuple[Array, Array] | None:
 
 
 def are_swapped(readings: Mapping[Side, ArmReading]) -> bool:
-    """Whether both arms feel what the other's mount would make them feel."""
+    """Whether both arms measure the torques of the other arm's mount."""
     found = misfits(readings)
-    return found is not None and bool(np.all(found[1] <= CLEAR * found[0]))
+    if found is None:
+        return False
+    own, other = found
+    return bool(np.all(other <= MAX_RATIO * own))

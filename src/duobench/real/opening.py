@@ -1,4 +1,4 @@
-"""From a rig's file to a rig: each device by the driver that the file names."""
+"""Opening of a rig from its file: each device by the driver that the file names."""
 
 from pathlib import Path
 from typing import Any
@@ -115,7 +115,7 @@ def _device(
         device = driver(config, clock, *given)
     except DuoBenchError:
         raise
-    except Exception as error:  # anybody's code runs here
+    except Exception as error:  # foreign code runs here
         raise ImportPathError(
             f"{part}.{name}.driver {config.driver!r} makes no device. It is called with the "
             "device's configuration and the rig's clock, and for a camera with its name.\n"

@@ -22,7 +22,7 @@ BLOCKED_S = 0.1
 class GripperRegisters:
     """Registers of a gripper: its status and the target of its fingers.
 
-    Whoever has the fingers calls `move` with their position as time passes, and leads them to
+    The owner of the fingers calls `move` with their position as time passes, and leads them to
     `target`.
     """
 

@@ -101,7 +101,7 @@ class RehearsalWorld:
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self.lock = threading.RLock()
-        """Held by whoever looks at `simulation` while the world runs."""
+        """Lock for reading `simulation` while the world runs."""
         self.arms = {side: MountedArm() for side in SIDES}
         self.grippers = {side: GripperRegisters() for side in SIDES}
         """Registers of the grippers by mount; a test cuts their power here."""
@@ -243,7 +243,7 @@ class RehearsalWorld:
     # --- physics ---------------------------------------------------------------------------------
 
     def _install(self, simulation: Simulation) -> None:
-        """Have the world be a simulation, whose arms get the gains of the rig."""
+        """Make the world a simulation, whose arms get the gains of the rig."""
         self.simulation = simulation
         model, data = simulation.model, simulation.data
         # Sparse matrices are factored wrongly in rare cases; see `Simulation.advance`.

@@ -77,7 +77,7 @@ SIZES, RATES = (90, 4320), (5, 120)
 FOCAL_LENGTHS = (0.2, 20.0)
 """Least and largest focal length, in widths of the image: it shows 136 to 3 degrees."""
 UNIT = 1e-3
-"""How far the length of a quaternion may be from 1."""
+"""Tolerance of the length of a quaternion."""
 _PLACES = {"arms": "address", "grippers": "port", "cameras": "device"}
 """Parts of a rig, with the field of their devices that says where one is."""
 UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -137,7 +137,7 @@ class ArmConfig:
 
     @property
     def tool_thresholds(self) -> tuple[float, ...]:
-        """Those at the tool (6,): forces in N along x, y and z, then moments in N·m about them."""
+        """Limits at the tool (6,): forces in N along x, y and z, then moments in N·m about them."""
         return (self.force_threshold,) * 3 + (self.moment_threshold,) * 3
 
 

@@ -34,7 +34,7 @@ class State(StrEnum):
 
 
 HELD = (State.HOLDING, State.FAULTED, State.RECOVERING)
-"""States in which commands move nothing, whatever they are."""
+"""States in which every command is ignored."""
 
 
 class Supervisor:
@@ -64,7 +64,7 @@ class Supervisor:
 
     @property
     def reason(self) -> str | None:
-        """Why the arms are held; None while they are not."""
+        """Reason why the arms are held; None otherwise."""
         return self._reason
 
     @property
@@ -101,7 +101,7 @@ class Supervisor:
             self._is_handling = False
 
     def confirm(self) -> None:
-        """The operator says: nobody is near, the arms may move.
+        """Take the operator's word that no person is near and the arms may move.
 
         It holds until the arms are held or stopped, or `revoke`.
         """

@@ -20,7 +20,7 @@ from duobench.results.labels import Fault, FaultKind
 _log = logging.getLogger(__name__)
 
 WATCH_HZ = 100.0
-"""How often a second everything is asked whether it is well."""
+"""Health checks a second."""
 STOP_AFTER_S = 30.0
 """Seconds without a command after which the arms stop, damped, instead of holding."""
 MAX_ARM_AGE_S = 0.1
@@ -52,10 +52,10 @@ class Watchdog:
         self._ticker: Ticker | None = None
         self._fed = 0.0
         self.seen = frozenset(cameras)
-        """Cameras that somebody looks through while commands are followed."""
+        """Cameras in use while commands are followed."""
         self.waits = 0
         self.look: Callable[[], None] = lambda: None
-        """Looks whether somebody is there while arms or fingers may move; see `watch_person`."""
+        """Check for a person while arms or fingers may move; see `watch_person`."""
 
     def start(self) -> None:
         """Watch from now on, in a thread of its own."""
@@ -88,7 +88,7 @@ class Watchdog:
             self.check()
             if self._supervisor.is_moving:
                 self.look()
-        except Exception as error:  # noqa: BLE001 - whatever it is, nobody watches the arms then
+        except Exception as error:  # noqa: BLE001 - after any error the arms are unwatched
             _log.exception("The watch failed.")
             text = f"What is wrong cannot be told: {escaped(repr(error))}"
             self._hold(text, FaultKind.CONTROLLER.fault(text))
@@ -170,7 +170,7 @@ class Watchdog:
         return True
 
     def late_image(self, grace: float = 0.0) -> Fault | None:
-        """The fault that the image of a camera is which somebody sees, and is late.
+        """Fault for a late image of a camera in use.
 
         By how many seconds more than is right it may be, is its grace.
         """

@@ -11,7 +11,7 @@ from duobench.world.robot.frames import tool_frames, tool_jacobians
 from duobench.world.robot.joints import HOME_JOINTS, speed_limits
 
 RETREAT = 0.05
-"""How far in metres hands go back before the way home: the fingers of a 2F-85 are shorter."""
+"""Distance in metres that hands go back before the way home: the fingers of a 2F-85 are shorter."""
 STEP = 0.01
 """Part of that way in metres which is taken to be straight in joint space."""
 HOME_SHARE = 0.8

@@ -29,4 +29,4 @@ ENDS = frozenset(
     }
 )
 MOST_POLICY_ENDS = 2
-"""How often a policy may end by itself in one episode, or be lost: the last time fails it."""
+"""Times that a policy may end by itself or be lost in one episode; the last fails it."""

@@ -60,7 +60,7 @@ class Manifest:
     commands: tuple[str, ...]
     """The commands that played it; none where that is not known."""
     attempts: dict[str, tuple[str, ...]]
-    """How the attempts at each episode ended, see `RunReader.attempts`."""
+    """Ends of the attempts at each episode, see `RunReader.attempts`."""
     parts: dict[str, str]
     """SHA-256 of each other part, by its name."""
 
@@ -132,9 +132,9 @@ class Bundle(RunReader):
         except FileError as error:
             raise FileError(f"{path} is no whole bundle: {error}") from error
 
-    def file(self, name: str) -> "_Part":
+    def file(self, name: str) -> "_BundleFile":
         """A part by its name, whether or not there is one."""
-        return _Part(f"{self.path}: {name}", self._parts.get(name))
+        return _BundleFile(f"{self.path}: {name}", self._parts.get(name))
 
     def names(self) -> Iterable[str]:
         """Names of all records."""
@@ -145,7 +145,7 @@ class Bundle(RunReader):
         return list(self.manifest.commands)
 
     def attempts(self) -> dict[str, tuple[str, ...]]:
-        """How the attempts at each episode ended, as its manifest says."""
+        """Ends of the attempts at each episode, from its manifest."""
         return self.manifest.attempts
 
     def _check_run(self) -> None:
@@ -163,7 +163,7 @@ class Bundle(RunReader):
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _BundleFile:
     """A part that is read as a file is."""
 
     place: str

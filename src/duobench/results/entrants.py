@@ -60,9 +60,9 @@ class PublishedResults:
     policies: dict[str, str]
     """Names for people, by the name that follows `paper:`."""
     tasks: dict[str, dict[str, Value | int]]
-    """By id of the task and by policy: a rate with a progress, or successes."""
+    """Results by task id and policy: a rate with a progress, or successes."""
     means: dict[str, Mean] = field(default_factory=dict)
-    """By category; `overall` is the one over all tasks."""
+    """Means by category; `overall` is the mean over all tasks."""
 
 
 @cache
@@ -123,9 +123,9 @@ class Cell:
     """Result of a policy on one task, or on several together."""
 
     episodes: int
-    """How many; of a mean in the paper, of each task."""
+    """Number of episodes; for a mean in the paper, of each task."""
     successes: int | None
-    """How many succeeded; None where only the rate is known."""
+    """Number of successes; None if only the rate is known."""
     rate: float
     interval: tuple[float, float] | None
     """95 % Wilson interval of it; None where only the rate is known."""
@@ -170,17 +170,17 @@ class Cell:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Check:
+class ReplayCheck:
     """Result of playing the records of a condition again."""
 
     verified: str = "not checked"
     """Result: "yes", "in part" (some records cannot be played again), "no" or "not checked"."""
     details: str = ""
-    """How many records have which verdict, and what is wrong."""
+    """Counts of verdicts, and the first problem."""
 
 
-NOT_CHECKED = Check()
-Checker = Callable[[Path, Collection[Key]], Mapping[str, Check]]
+NOT_CHECKED = ReplayCheck()
+Checker = Callable[[Path, Collection[Key]], Mapping[str, ReplayCheck]]
 """Play some records of a run or bundle again; a check for each condition, by its name."""
 
 
@@ -199,7 +199,7 @@ class Entrant:
     """Played part of a run; None for a published policy."""
     quoted: str = ""
     """Name of a published policy: `paper:ACT`."""
-    check: Check = NOT_CHECKED
+    check: ReplayCheck = NOT_CHECKED
     """Whether its records were verified."""
 
     def records(self, task_id: str) -> tuple[Record, ...]:
@@ -273,7 +273,7 @@ def _read(source: str, checker: Checker | None) -> list[Entrant]:
         title = f"{results.policies[policy]} [{results.name}]"
         return [Entrant(title=title, group=Group.ELSEWHERE, quoted=source)]
     name, parts = read_named(source)
-    checks: Mapping[str, Check] = {}
+    checks: Mapping[str, ReplayCheck] = {}
     if checker is not None:
         keys = [record.key for part in parts for record in part.records]
         checks = checker(split_name(source)[1], keys)
@@ -320,7 +320,7 @@ def read_named(source: str) -> tuple[str, list[RunPart]]:
 
 
 def split_name(source: str) -> tuple[str, Path, Shift | None]:
-    """The name, empty if there is none, the path, and the shift of a source, if it has one."""
+    """Split a source into its name (or ""), its path, and its shift, if it has one."""
     name, is_named, path = source.partition("=")
     if not (is_named and name and path) or Path(source).exists():
         name, path = "", source

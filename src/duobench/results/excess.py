@@ -20,7 +20,7 @@ worth a word: a policy that learned to stay at the end of a range overshoots by 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Excess:
-    """How far what was requested in an episode went beyond limits of the arms."""
+    """Excess of an episode's requested targets over limits of the arms."""
 
     joint: tuple[float, float]
     """The joint target furthest out of its range and the end of that, in radians, equal if none."""
@@ -42,7 +42,7 @@ class Excess:
         speed: float,
         limits: DuoLimits,
     ) -> Self:
-        """From commands (1 + steps, 16) that were requested, and those (steps, 16) that were sent.
+        """Compute the excess of requested commands (1 + steps, 16) over sent targets (steps, 16).
 
         The first of the former is where the arms were at the start.
         """

@@ -336,7 +336,7 @@ def _plot_levels(
 
 
 def _styles(count: int) -> list[dict[str, Any]]:
-    """How the curves of runs look: in colour and in dashes, so that neither alone is needed."""
+    """Styles of the curves of runs: colours and dashes, each of which is enough."""
     each = zip(range(count), cycle(COLOURS), cycle(DASHES), strict=False)
     return [{"color": colour, "linestyle": dashes} for _, colour, dashes in each]
 

@@ -97,13 +97,13 @@ class RunReader(ABC):
 
     @abstractmethod
     def attempts(self) -> dict[str, tuple[str, ...]]:
-        """How the attempts at each episode ended, first to last, by the path of its key.
+        """Ends of the attempts at each episode, first to last, by the path of its key.
 
         Each is one of `duobench.results.attempts.ENDS`; of what was not noted nothing is known.
         """
 
     def read_run(self) -> Run:
-        """The description of the run."""
+        """Read the description of the run."""
         return read(self.file(DESCRIPTION), Run, RUN_SCHEMA)
 
     def finished(self, run: Run) -> list[Key]:
@@ -226,7 +226,7 @@ class RunFolder(RunReader):
         return list(dict.fromkeys(filter(None, last.values())))
 
     def attempts(self) -> dict[str, tuple[str, ...]]:
-        """How the attempts at each episode ended, as journals say."""
+        """Ends of the attempts at each episode, from the journals."""
         return {key.path: ends for key, ends in read_attempts(self.entries()).items()}
 
     def record(self, key: Key) -> Path:
@@ -249,7 +249,7 @@ class RunFolder(RunReader):
         return found[0] if found else None
 
     def new_replay(self, key: Key, scene: str) -> Path:
-        """Path of the track of an episode, which plays in a scene."""
+        """Path for the track of an episode, which is played in a scene."""
         return self.path / "replays" / f"{key.path}.{scene}{TRACK_SUFFIX}"
 
     def scene(self, name: str) -> Path:
@@ -263,7 +263,7 @@ class RunFolder(RunReader):
 
     @property
     def is_begun(self) -> bool:
-        """Whether an attempt at an episode has begun, or somebody else is writing."""
+        """Whether an attempt at an episode has begun, or another process is writing."""
         return len(self.writers) > 1 or any(
             isinstance(each, Begun) for each in self.entries()
         )
@@ -324,7 +324,7 @@ class RunFolder(RunReader):
 
         A run may grow: with more episodes or shifts than before, those that are there stay. A run
         that has not finished a single episode holds nothing to keep, so that whatever was wrong
-        with it can be corrected, unless somebody else is writing it: its description is replaced.
+        with it can be corrected, unless another process is writing it: its description is replaced.
 
         Raises:
             OtherRunError: If the folder holds another run, or files that belong to none.
@@ -409,7 +409,7 @@ class RunFolder(RunReader):
         """The description of the run.
 
         Raises:
-            EvaluationError: If there is none.
+            EvaluationError: If there is no run.
         """
         if not self.description.exists():
             raise EvaluationError(

@@ -26,16 +26,16 @@ _MOST = 10_000  # attempts at one episode
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EpisodeTimes:
-    """How long an episode took, in seconds."""
+    """Times of an episode in seconds."""
 
     total: float
-    """From its environment to its record."""
+    """Time from its environment to its record."""
     simulation: float
     rendering: float
     policy: float
     """The policy's answers; for one at a server that somebody else runs, until they came."""
     waiting: float
-    """For the policy's process: until it was this episode's turn, and on the way."""
+    """Time of waiting for the policy's process, and of transport."""
     video: float
 
 
@@ -54,12 +54,12 @@ class Started(
     """Processes that play side by side; 0 if the writer itself plays."""
 
 
-class _Attempt(msgspec.Struct, frozen=True, kw_only=True):
+class _AttemptLine(msgspec.Struct, frozen=True, kw_only=True):
     task: str
     condition: str
     episode: int
     attempt: Annotated[int, msgspec.Meta(ge=1, le=_MOST)]
-    """From 1 on, over all writers and calls."""
+    """Number of the attempt from 1 on, over all writers and calls."""
 
     @property
     def key(self) -> Key:
@@ -67,11 +67,11 @@ class _Attempt(msgspec.Struct, frozen=True, kw_only=True):
         return Key(self.task, self.condition, self.episode)
 
 
-class Begun(_Attempt, tag="begun", tag_field="kind", frozen=True, kw_only=True):
+class Begun(_AttemptLine, tag="begun", tag_field="kind", frozen=True, kw_only=True):
     """An attempt at an episode begins."""
 
 
-class Ended(_Attempt, tag="ended", tag_field="kind", frozen=True, kw_only=True):
+class Ended(_AttemptLine, tag="ended", tag_field="kind", frozen=True, kw_only=True):
     """An attempt has ended."""
 
     how: str
@@ -79,7 +79,7 @@ class Ended(_Attempt, tag="ended", tag_field="kind", frozen=True, kw_only=True):
     steps: int = 0
     workers: int = 0
     times: EpisodeTimes | None = None
-    """How long it took; None where that is not known, as where a policy had to be stopped."""
+    """Times of the attempt; None if unknown, as when a policy had to be stopped."""
 
 
 Entry = Started | Begun | Ended
@@ -95,12 +95,12 @@ def read_entries(path: Path) -> list[Entry]:
 
 
 def end_of(record: Record) -> str:
-    """How an attempt ended of which there is a record."""
+    """End of an attempt that has a record."""
     return ERROR if record.error else SUCCESS if record.success else FAILURE
 
 
 def read_attempts(entries: Iterable[Entry]) -> dict[Key, tuple[str, ...]]:
-    """How the attempts at each episode ended, first to last, as writers have noted it.
+    """Ends of the attempts at each episode, first to last, as noted by writers.
 
     One that two journals began, and that ended in two ways, is two: folders of one run in which
     both were played were copied together.
@@ -160,7 +160,7 @@ class Journal:
         self._add(Started(command=command, workers=workers))
 
     def earlier(self, key: Key) -> tuple[str, ...]:
-        """How the attempts at an episode ended, without the one that is going on or was last."""
+        """Ends of the earlier attempts at an episode, without the last or current one."""
         return self._attempts.get(key, ())[:-1]
 
     def begin(self, key: Key) -> None:
@@ -211,11 +211,11 @@ class Journal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TimeRow:
-    """How long episodes took together."""
+    """Times of some episodes together."""
 
     label: str
     episodes: int
-    """Of how many the time is known."""
+    """Number of episodes whose time is known."""
     total: float
     """Sum of their times in seconds."""
     parts: tuple[float, ...]
@@ -224,18 +224,18 @@ class TimeRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunTimes:
-    """How long a run took."""
+    """Times of a run."""
 
     rows: tuple[TimeRow, ...]
     """Task by task where a time is known, then all together where there are several tasks."""
     unknown: int
     """Finished episodes of which no time is known."""
     workers: tuple[int, ...]
-    """How many processes of a writer played side by side, each number once."""
+    """Numbers of processes with which writers played, each number once."""
 
 
 def run_times(results: Results, entries: Iterable[Entry]) -> RunTimes:
-    """How long finished episodes took, the last attempts, as far as writers have noted it."""
+    """Sum up the times of finished episodes (last attempts), as noted by writers."""
     notes = {entry.key: entry for entry in entries if isinstance(entry, Ended)}
     by_task = [
         (

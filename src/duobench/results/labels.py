@@ -35,7 +35,7 @@ class StageLabels:
 
     @property
     def standing(self) -> list[StageLabel]:
-        """Those that were not taken back."""
+        """Labels that were not taken back."""
         found: list[StageLabel] = []
         for label in self.all:
             if label.stage is None:
@@ -95,7 +95,7 @@ class FaultKind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Fault:
-    """Something that a device reports as wrong."""
+    """Fault that a device reports."""
 
     kind: FaultKind
     text: str

@@ -236,7 +236,7 @@ def invalid_text(trials: Sequence[InvalidTrial]) -> str:
 
 
 def counts_text(values: Iterable[str]) -> str:
-    """How often each value is there, such as "contact (2), person (1)"; empty ones are left out."""
+    """Count values, such as "contact (2), person (1)"; empty ones are left out."""
     counts = Counter(filter(None, values))
     return (
         ", ".join(f"{value} ({count})" for value, count in sorted(counts.items()))
@@ -256,11 +256,11 @@ class PageVideos:
         self._has_command = has_command
 
     def video(self, record: Record) -> str | None:
-        """Link to the video of an episode; None if there is none."""
+        """Link to the video of an episode; None without a video."""
         return self._link(self._folder.video(record.key))
 
     def poster(self, record: Record) -> str | None:
-        """Link to the last frame of a video, which is made; None if there is none."""
+        """Make the last frame of a video an image, and link to it; None without a video."""
         path = self._folder.poster(record.key)
         if not path.exists():
             with suppress(VideoError):

@@ -74,7 +74,7 @@ class Pair:
     b: Entrant
     paired: bool
     obstacle: str | None
-    """Why nothing is tested, if nothing is."""
+    """Reason why nothing is tested, if so."""
     conditions: tuple[str, ...]
     """Differences around the policies, one phrase each."""
     left_out: int
@@ -90,7 +90,7 @@ class Pair:
         return self.a.group is not self.b.group
 
     def order(self, row: TableRow) -> tuple[str, str] | None:
-        """Keys of the two in a row, the better one first; None if nobody can tell."""
+        """Keys of the two policies, the better one first; None if the test cannot tell."""
         better = sum(test.better for test in self.tests if test.row is row)
         a, b = self.a.key, self.b.key
         return {1: (a, b), -1: (b, a)}.get(better)

@@ -133,7 +133,7 @@ class InvalidTrial:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Judged:
-    """How a person judged an episode on real arms."""
+    """Judgement of an episode on real arms by a person."""
 
     rater: str
     """Pseudonym of the rater."""
@@ -143,12 +143,12 @@ class Judged:
     repeated: tuple[InvalidTrial, ...] = ()
     """Earlier trials of this episode, which are invalid."""
     stopped: str = ""
-    """Why the arms ended the episode; empty if they did not."""
+    """Reason why the arms ended the episode; empty if they did not."""
     fault: FaultKind | None = None
     """Kind of that fault; None if it was none. What counts is a contact, or a limit that
     the operator blamed on the policy."""
     waits: int = 0
-    """How often the arms rested until an image came that was late."""
+    """Number of times that the arms rested for a late image."""
 
     @property
     def is_late(self) -> bool:
@@ -158,7 +158,7 @@ class Judged:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Software:
-    """Which source of the benchmark played an episode; empty where that is not known."""
+    """Version of the benchmark's source that played an episode; empty if unknown."""
 
     decisive: str = ""
     """SHA-256 of all files that decide what an episode is."""
@@ -171,7 +171,7 @@ NOT_REPEATABLE = "not repeatable"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FirstAnswer:
-    """How a policy answers the first observation of a run, before anything is played.
+    """Chunks of a policy for the first observation of a run, before anything is played.
 
     It is reset and asked, and once more with the same seed and observation.
     """
@@ -204,15 +204,15 @@ class Record:
     attempt: int = 1
     """The how-manyeth it was, over all commands."""
     earlier: tuple[str, ...] = ()
-    """How each earlier attempt ended, one of `duobench.results.attempts.ENDS`."""
+    """End of each earlier attempt, one of `duobench.results.attempts.ENDS`."""
     first_answer: FirstAnswer | None = None
-    """Of the policy to the command that played it; None where it was not asked."""
+    """First chunk of the policy in the command that played it; None if it was not asked."""
     policy: str
     policy_version: str | None
-    """None if unknown."""
+    """Version of the policy; None if unknown."""
     config: EnvConfig
     instruction: str
-    """Of the policy; empty if it failed before its reset."""
+    """Instruction that the policy got; empty if it failed before its reset."""
     success: bool
     success_at_end: bool
     """Whether the constraints of the last stage still held after the last step."""
@@ -245,15 +245,15 @@ class Record:
     clipped: int | None
     """Control steps at which limits of the arms changed what was to be sent; None as `sent` is."""
     excess: Excess | None
-    """How far requests went beyond them; None where they changed nothing, and as `sent` is."""
+    """Excess of requested targets over the limits; None without excess, and where `sent` is."""
     versions: dict[str, str | None]
-    """Of everything that the result may depend on."""
+    """Versions of everything that the result may depend on."""
     software: Software = Software()
     domain: str = SIM
     rig: str | None = None
     """SHA-256 of the file of the rig on which it was played; None in simulation."""
     judged: Judged | None = None
-    """None in simulation."""
+    """Operator's judgement; None in simulation."""
 
     def __post_init__(self) -> None:
         when = [step for step, _ in self.stage_changes]
@@ -291,7 +291,7 @@ class Record:
 
     @property
     def condition(self) -> Condition:
-        """By whom, where and how it was played."""
+        """Condition under which it was played."""
         return Condition.of(self.policy, self.domain, self.config)
 
     @property

@@ -45,27 +45,30 @@ def read_parts(source: RunReader) -> list[RunPart]:
 
 
 def read_results(source: RunReader) -> tuple[Run, Results]:
-    """A run and what all its records add up to, whatever their conditions; see `read_parts`."""
+    """Run with the results of all its records, under all conditions; see `read_parts`."""
     run = source.read_run()
     return run, scores.summarize(run.suite.tasks, source.read_records(run))
 
 
 def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
-    """Compute everything from the records of a run, and write it into a folder.
+    """Compute the report of a run from its records, and write it into a folder.
 
-    A run under one condition has one page. Another one has a page for each, and a first one that
-    shows all: success by axis and level, or policies against each other.
+    A run under one condition has one page. A run under several has one page for each, and a first
+    page for all of them: success by axis and level, or policies against each other.
 
     Args:
-        folder: The folder of the run, beside whose records it is written.
-        source: What reads the run, where that is not its folder; this holds no run then.
+        folder: The folder of the report; that of the run unless a source is given.
+        source: Reader of a run that is not in the folder, such as a bundle.
+
+    Returns:
+        Results of the run.
 
     Raises:
         EvaluationError: If there is no run, or a record of another episode.
-        OtherRunError: If a record is of another run, or the folder holds a run beside the source's,
-            or files of something else.
+        OtherRunError: If a record belongs to another run, or if a source is given and the folder
+            holds a run or foreign files.
         FileError: If a record cannot be read.
-        OutputError: If nothing can be written into the folder.
+        OutputError: If the folder cannot be written.
     """
     reader = source or folder
     parts = read_parts(reader)
@@ -78,7 +81,7 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
         check_free(folder.path, PAGE, "report of a bundle")
     if len(parts) > 1:
         stale = (SUMMARY, *(f"figures/{name}.svg" for name in figures.FIGURES))
-        remove(*map(folder.file, stale))  # of the time when there was one condition
+        remove(*map(folder.file, stale))  # from when the run had one condition
     for name, text in _report_files(folder, reader, parts):
         write_files(folder.path, {name: text})
     return scores.summarize(

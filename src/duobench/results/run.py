@@ -44,7 +44,7 @@ MAX_SHARDS = 10_000
 class Shard:
     """Which part of a run this is: a number from 1 to the count of all parts.
 
-    Together all parts are the run, whatever its episodes grow to. They are dealt out one by one, a
+    Together all parts are the run, also if episodes are added. They are dealt out one by one, a
     task beginning where the one before began plus one, so that every part has some of each task,
     and an episode never moves to another part.
     """
@@ -87,7 +87,7 @@ class Shard:
         return self.count == 1
 
     def part(self, task: int, episodes: range) -> range:
-        """Those of the episodes of a task, by its place in the run from 0, that are in it."""
+        """Episodes of a task in this shard; the task is given by its place in the run, from 0."""
         # Episode i of task t is in the shard whose number is (t + i) modulo the count, plus 1.
         first = (self.number - 1 - task - episodes.start) % self.count
         return range(episodes.start + first, episodes.stop, self.count)
@@ -172,7 +172,7 @@ class Candidate:
     config: EnvConfig
     """Configuration of its environments, without a shift."""
     batching: Batching | None = None
-    """How many observations it answers together, if that is known."""
+    """Observations in a batch, if known."""
     trained_on: str = ""
     """Data that it was trained on, "sim", "real" or "mixed"; empty if that is not known."""
 
@@ -313,7 +313,7 @@ class Run:
                     yield Key(task.id, name, index)
 
     def counts(self, shard: Shard = WHOLE) -> dict[str, int]:
-        """How many episodes it has of each task, by the task's id, under all conditions."""
+        """Number of episodes of each task, by its id, under all conditions."""
         conditions = len(self.candidates) * len(self.suite.shifts)
         return {
             task.id: conditions * len(shard.part(place, self.suite.indices))
@@ -322,11 +322,11 @@ class Run:
 
     @property
     def size(self) -> int:
-        """How many episodes it has under all conditions."""
+        """Number of episodes under all conditions."""
         return sum(self.counts().values())
 
     def objection(self, record: Record, episode: Episode) -> str | None:
-        """Why a record is not that of an episode of this run; None if it is."""
+        """Reason why a record does not belong to this run; None if it does."""
         names = [candidate.policy for candidate in self.candidates]
         if record.policy not in names:
             return f"its policy is {record.policy}, expected was {', '.join(names)}."

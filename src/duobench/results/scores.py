@@ -1,6 +1,6 @@
 """Scores of records, condition by condition: success, progress, and where episodes ended.
 
-The quantities are those of the paper, computed from records alone, in whatever order they come.
+The quantities are those of the paper, computed from records alone, in any order.
 """
 
 import math
@@ -105,7 +105,7 @@ class TaskResult:
     task: TaskInfo
     score: Score
     last_stage_counts: tuple[int, ...]
-    """How many episodes ended with stage 0, 1, ..., last as their highest."""
+    """Number of episodes by their highest stage: 0, 1, ..., last."""
     progress: tuple[float, ...]
     """Mean progress 0..1 after 0 %, 1 %, ..., 100 % of the horizon; empty without episodes. An
     episode that is over keeps its last stage, so that it ends at the mean final progress."""
@@ -207,7 +207,7 @@ class RunPart:
 
     @property
     def size(self) -> int:
-        """How many episodes it has, finished or not."""
+        """Number of episodes, finished or not."""
         return self.run.suite.size
 
     @property
@@ -320,12 +320,12 @@ class FailedStage:
 
     @property
     def errors(self) -> int:
-        """How many of them failed with an error."""
+        """Number of episodes that failed with an error."""
         return sum(record.error is not None for record in self.records)
 
     @property
     def unexplained(self) -> int:
-        """How many of them have a record that does not say what did not hold."""
+        """Number of records that do not say which constraints did not hold."""
         return sum(not (record.error or record.unmet) for record in self.records)
 
 
@@ -363,7 +363,7 @@ def _range(numbers: Sequence[str]) -> str:
 
 
 def percent(share: float | None, digits: int = 1) -> str:
-    """A share as per cent; a dash where there is none."""
+    """Share as per cent; a dash for None."""
     return "–" if share is None else f"{100 * share:.{digits}f}"
 
 
@@ -373,5 +373,5 @@ def interval_percent(score: Score) -> str:
 
 
 def progress_text(progress: float | None) -> str:
-    """Mean final progress, with the two digits of the paper; a dash where there is none."""
+    """Mean final progress, with the two digits of the paper; a dash for None."""
     return "–" if progress is None else f"{progress:.2f}"

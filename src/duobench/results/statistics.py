@@ -17,7 +17,7 @@ from typing import Any
 from duobench.results.scores import CONFIDENCE, wilson_interval
 
 LEVEL = 1.0 - CONFIDENCE
-"""Probability of claiming a difference where there is none."""
+"""Significance level: probability of claiming a difference between equal policies."""
 POWER = 0.8
 """Probability of finding a difference, for which episodes are counted."""
 

@@ -18,13 +18,13 @@ from duobench.tasks.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shi
 from duobench.world.looks import catalog as looks
 
 CUSTOM = "custom"
-"""Name of a suite that somebody put together."""
+"""Name of a suite with options of the user's own."""
 DEFAULT_EPISODES = 20
 """Episodes of each task where no suite is named."""
 PAPER_EXECUTE = 30
 """Actions of a chunk that the paper executes before it asks the policy again."""
 AS_THE_PAPER = ChunkExecution(execute=PAPER_EXECUTE)
-"""How the paper executes chunks; it says nothing of a latency."""
+"""Execution of chunks in the paper, which gives no latency."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -67,7 +67,7 @@ class Episode:
     index: int
     has_video: bool = False
     split: str = EVAL
-    """Which layouts it is one of."""
+    """Split of its layouts."""
     shift: Shift = NO_SHIFT
     """Shift from the usual episode of this index."""
 
@@ -296,9 +296,9 @@ class SuiteChoice:
 
 
 def deviations(suite: Suite) -> list[str]:
-    """In what a suite with a name is not what the name stands for, one phrase each.
+    """Differences of a suite from the suite of its name, one phrase each.
 
-    Of a revision that this version does not know nothing is said.
+    Empty for a revision that this version does not know.
     """
     named = SUITES.get(suite.name)
     if named is None or named.revision != suite.revision:
@@ -328,7 +328,7 @@ def suite_text(suite: Suite) -> str:
 
 
 def execute_text(suite: Suite) -> str:
-    """How many actions of a chunk are executed, in words."""
+    """Number of executed actions of a chunk, in words."""
     count = suite.execution.execute
     if count is None:
         return "all of a chunk"
@@ -336,7 +336,7 @@ def execute_text(suite: Suite) -> str:
 
 
 def latency_text(suite: Suite) -> str:
-    """From an observation to the chunk that answers it, in words."""
+    """Latency from an observation to its chunk, in words."""
     steps = suite.execution.latency
     if not steps:
         return "no latency"

@@ -66,7 +66,7 @@ def cell_rate(cell: Cell) -> str:
 
 
 def cell_text(cell: Cell | None, bold: str = "{}") -> str:
-    """A cell of the paper's table, `44.0 (0.63)`; a dash where there is none."""
+    """A cell of the paper's table, `44.0 (0.63)`; a dash for None."""
     if cell is None:
         return "–"
     return f"{bold.format(cell_rate(cell))} ({progress_text(cell.progress)})"
@@ -89,7 +89,7 @@ def signed(value: float, digits: int) -> str:
 
 
 def p_text(p: float | None) -> str:
-    """A p-value with three digits; a dash where there is none."""
+    """P-value with three digits; a dash for None."""
     if p is None:
         return "–"
     return f"< {_SMALLEST}" if p < _SMALLEST else f"{p:.3f}"
@@ -125,7 +125,7 @@ PAIR_HEADS = (
 
 
 def pair_cells(pair: Pair) -> list[str]:
-    """A row of the table of pairs."""
+    """Cells of a pair in the table of pairs."""
     whole = pair.whole
     tasks = len(pair.of(RowKind.TASK))
     return [
@@ -171,7 +171,7 @@ def test_cells(test: Test) -> list[str]:
 
 
 def count_text(number: int | None) -> str:
-    """A number of episodes; a dash where there is none."""
+    """Number of episodes; a dash for None."""
     return "–" if number is None else f"{number:,}"
 
 

@@ -62,12 +62,12 @@ def id_of(name: str) -> str:
 
 
 def reference(task: Task | str) -> str:
-    """By what a task was given, its id or import path; empty for a task itself."""
+    """Id or import path by which a task was given; empty for a task object."""
     return plain(task) if isinstance(task, str) else ""
 
 
 def import_paths(names: Iterable[str]) -> tuple[str, ...]:
-    """Those of some names that are import paths."""
+    """Select the names that are import paths."""
     return tuple(name for name in names if ":" in plain(name))
 
 
@@ -93,11 +93,11 @@ def trusted(
     *,
     import_tasks: bool,
 ) -> str:
-    """By what to load a task that data of others name: its id, or its import path if that may be.
+    """Reference of a task that data of others name: its id, or its import path if allowed.
 
     Raises:
-        ForeignTaskError: It is none of the benchmark, and must not be imported.
-        UnknownNameError: It is none of the benchmark, and nothing says where it is.
+        ForeignTaskError: The task is from outside the benchmark and may not be imported.
+        UnknownNameError: The task is from outside the benchmark and its import path is unknown.
     """
     if task in HORIZONS:
         return task

@@ -42,7 +42,7 @@ class Numbers:
     names: tuple[str, ...]
     """Name of each: "cube_x", "cube_z_axis_x", "chest/lid_angle"."""
     read: Callable[[Any], Sequence[float]]
-    """As many, in the order of the names, in metres, radians and seconds, of a `Simulation`."""
+    """Function that reads these numbers from a `Simulation`, in metres, radians and seconds."""
     vectorized: bool = False
     """Whether `read` also takes n simulations at once, and gives an array (n,) for each number."""
 
@@ -144,7 +144,7 @@ def velocity(prop: str) -> Numbers:
 
 
 def chosen(choice: str, options: Collection[str]) -> Numbers:
-    """Which value the layout chose: 1 for that value, 0 for every other."""
+    """Choice of the layout: 1 for the chosen value, 0 for every other."""
     values = tuple(options)
     rows = {one: [float(one == other) for other in values] for one in values}
     return _numbers(

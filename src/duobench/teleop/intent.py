@@ -24,8 +24,8 @@ class Intent:
     """Whether an arm was kept from where its hand wants it."""
 
 
-class Device(Protocol):
-    """Something that an operator leads both arms with."""
+class TeleopDevice(Protocol):
+    """Device with which an operator leads both arms."""
 
     action_mode: str
     """Name of what the numbers of its actions mean."""
@@ -44,7 +44,7 @@ class Device(Protocol):
         """The operator has gone: everything is let go."""
 
     def is_away(self, now_s: float) -> bool:
-        """Whether nobody leads for so long that the recording has to wait."""
+        """Whether no operator has led for so long that the recording waits."""
         ...
 
     def prompt(self, now_s: float) -> str | None:

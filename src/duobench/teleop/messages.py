@@ -135,7 +135,7 @@ class Inbox:
         self._is_fuller.clear()
 
     def forget(self, *kinds: type) -> None:
-        """Take messages of some kinds out; nobody follows them."""
+        """Remove waiting messages of some kinds; they are ignored."""
         for _ in range(len(self._waiting)):
             message, now_s = self._waiting.popleft()
             if not isinstance(message, kinds):

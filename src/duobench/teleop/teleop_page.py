@@ -1,4 +1,4 @@
-"""Teleoperation on a page: whoever drives leads the arms, and all others watch.
+"""Teleoperation on a page: one visitor drives the arms, and all others watch.
 
 Thirty control steps a second, or one for each message.
 """
@@ -176,7 +176,7 @@ class TeleopPage:
         self._server.publish_status(
             {
                 **status,
-                "steps": None,  # nobody can go back in what is just happening
+                "steps": None,  # a live session cannot be wound back
                 "latency_ms": self._timings.latency_ms,
                 "tools": {str(side): poses[side.index][:3].tolist() for side in SIDES},
             }

@@ -21,7 +21,7 @@ from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
 from duobench.tasks.task import Task
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
-from duobench.teleop.intent import Device, Intent
+from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import (
     Discard,
     Hands,
@@ -31,7 +31,7 @@ from duobench.teleop.messages import (
     Message,
     Restore,
 )
-from duobench.teleop.takes import Takes
+from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
 
@@ -63,7 +63,7 @@ class TeleopState(StrEnum):
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
     OVER = "over"
-    """As many episodes are kept as were wanted."""
+    """The wanted number of episodes is kept."""
 
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
@@ -93,7 +93,7 @@ class Teleoperation:
     def __init__(
         self,
         env: Recorder,
-        device: Device,
+        device: TeleopDevice,
         *,
         episodes: int = 10,
         instruction: str = "",
@@ -118,8 +118,8 @@ class Teleoperation:
         data = env.data
         self.kept = 0 if data is None else data.kept(env.task)
         """Episodes that were kept, those of earlier sessions counted."""
-        self._takes = None if data is None else Takes(env, data)
-        self._number = 0 if self._takes is None else self._takes.next_number
+        self._episodes = None if data is None else SessionEpisodes(env, data)
+        self._number = 0 if self._episodes is None else self._episodes.next_number
         self._reset()
 
     # --- from any thread ---------------------------------------------------------------------
@@ -191,8 +191,8 @@ class Teleoperation:
         elif self._state is not TeleopState.OVER:
             self._note_attempt(UNDECIDED)
         self.env.close()
-        if self._takes is not None:
-            self._takes.close(forget=forget)
+        if self._episodes is not None:
+            self._episodes.close(forget=forget)
 
     @property
     def state(self) -> TeleopState:
@@ -217,7 +217,7 @@ class Teleoperation:
             "success": bool(info["success"]),
             "count": self._number,
             "kept": self.kept,
-            "discarded": 0 if self._takes is None else len(self._takes.discarded),
+            "discarded": 0 if self._episodes is None else len(self._episodes.discarded),
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
@@ -311,8 +311,8 @@ class Teleoperation:
         if self._state is TeleopState.OVER:
             return
         has_begun = self._state is not TeleopState.WAITING
-        if has_begun and self._takes is not None:
-            self._takes.set_aside()
+        if has_begun and self._episodes is not None:
+            self._episodes.set_aside()
         else:
             self.env.discard()
         self._note_attempt(DISCARDED if has_begun else SKIPPED)
@@ -320,10 +320,10 @@ class Teleoperation:
 
     def _restore(self) -> None:
         """Keep after all what was discarded last; what is going on goes on."""
-        if self._takes is None:
+        if self._episodes is None:
             return
         try:
-            name = self._takes.restore()
+            name = self._episodes.restore()
         except DuoBenchError as error:
             self.note = str(error)
             return
@@ -335,7 +335,7 @@ class Teleoperation:
 
     def _note_attempt(self, reason: str | None) -> None:
         """Note how the episode goes: why it is not kept, or None where it is."""
-        if self._takes is None:
+        if self._episodes is None:
             return
         success = bool(self._info["success"])
         attempt = Attempt(
@@ -347,7 +347,7 @@ class Teleoperation:
             kept=reason is None,
             error=reason,
         )
-        self._takes.note(attempt)
+        self._episodes.note(attempt)
 
     def _instruct(self, text: str) -> None:
         self._instruction = text
@@ -455,7 +455,7 @@ def make_recorder(
 
     Raises:
         UnknownNameError: There is no such task, action mode or look.
-        OptionError: A number of seconds is none.
+        OptionError: A number of seconds is invalid.
         OtherRunError: The folder holds something else.
     """
     horizon = round(time_limit_s * CONTROL_HZ)

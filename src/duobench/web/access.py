@@ -30,7 +30,7 @@ class Certificate:
     """Certificate that a server shows to browsers."""
 
     context: ssl.SSLContext
-    """How connections are encrypted."""
+    """Encryption of connections."""
     hosts: tuple[str, ...]
     """Names and addresses that it holds for; the first one goes into the address of the page."""
     fingerprint: str

@@ -42,7 +42,7 @@ MAX_BODIES = 255
 _GRAIN = 2.0**-15
 """Positions are multiples of this, 0.03 mm, so that they compress."""
 _SPECULAR = 0.5
-"""Of a geom without material [MuJoCo's default]."""
+"""Specular reflection of a geom without material [MuJoCo's default]."""
 _OPAQUE = 0.995
 """On what is less opaque no shadow falls [MuJoCo's renderer]."""
 _NO_SHADOWS = 1 << 16
@@ -71,7 +71,7 @@ class _Surface:
     order: tuple[int, ...]
     """Layer (0 room, 1 without shadow, 2 with), and what puts equal meshes beside each other."""
     shape: Triangles
-    """In the frame of the body."""
+    """Triangles in the frame of the body."""
     body: int
     """Its place in `Geometry.bodies` + 1, or 0 for the world."""
     colours: Array

@@ -44,11 +44,11 @@ class Ping(PageMessage, frozen=True):
 
 
 class Drive(PageMessage, frozen=True):
-    """Its visitor wants to drive, if nobody does."""
+    """Visitor's request to drive, if no other visitor drives."""
 
 
 class TakeOver(PageMessage, frozen=True):
-    """Its visitor wants to drive in the place of whoever does."""
+    """Visitor's request to drive in the place of the present driver."""
 
 
 def reader(kinds: Any) -> Callable[[str | bytes], Any]:
@@ -89,5 +89,5 @@ def pack_frame(
 
 
 def encode(**fields: Any) -> str:
-    """A message as JSON text; numbers that are none become null."""
+    """Message as JSON text; NaN and infinite numbers become null."""
     return msgspec.json.encode(fields).decode()

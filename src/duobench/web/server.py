@@ -371,7 +371,7 @@ class PageServer:
     def _rejection(
         self, connection: ServerConnection, request: Request
     ) -> Response | None:
-        """Why a page may not connect; None if it may."""
+        """Reason why a page may not connect; None if it may."""
         origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
         origin = origins[0] if origins else None
         unclear = len(origins) > 1 or len(hosts) != 1

@@ -17,7 +17,7 @@ from duobench.core.errors import DataError
 POSITION_STEP = 1e-4
 """Metres."""
 QUATERNION_STEP = 1 / 20480
-"""Of a unit quaternion's numbers: their error turns a body by 0.1 mrad at most."""
+"""Step of a unit quaternion's numbers: their error turns a body by 0.1 mrad at most."""
 
 _MAGIC = b"DTR1"
 _HEADER = struct.Struct("<4sII")

@@ -7,7 +7,7 @@ import pytest
 
 from duobench.core.errors import MessageError
 from duobench.data import DataSet, find_problems
-from duobench.real.doctor.checks import Check, Outcome, write_checks
+from duobench.real.doctor.checks import Check, CheckOutcome, write_checks
 from duobench.real.sessions.messages import Stage
 from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.folder import RunFolder
@@ -163,13 +163,13 @@ def test_press_while_a_closed_trial_is_written_is_refused(
     ("doctor", "said"),
     [
         (None, "Nobody asked"),
-        ((Outcome.OK, "same"), "no check failed"),
-        ((Outcome.FAILED, "same"), "found what fails: holding"),
-        ((Outcome.OK, "other"), "another rig"),
+        ((CheckOutcome.OK, "same"), "no check failed"),
+        ((CheckOutcome.FAILED, "same"), "found what fails: holding"),
+        ((CheckOutcome.OK, "other"), "another rig"),
     ],
 )
 def test_page_says_what_the_doctor_found(
-    tmp_path: Path, doctor: tuple[Outcome, str] | None, said: str
+    tmp_path: Path, doctor: tuple[CheckOutcome, str] | None, said: str
 ) -> None:
     if doctor is not None:
         outcome, rig = doctor

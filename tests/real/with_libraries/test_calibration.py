@@ -15,7 +15,7 @@ from duobench.core.spatial import SE3
 from duobench.core.types import Side
 from duobench.real.calibration.board import Board, Detector, board_pose
 from duobench.real.calibration.places import (
-    View,
+    BoardView,
     calibrate_lens,
     calibrate_wrist,
     flange_pose,
@@ -59,19 +59,19 @@ def is_seen(camera_from_board: SE3, lens: CameraCalibration, margin: float = 30.
 
 
 @cache
-def wrist_views(side: Side, count: int = 20, spread: float = 0.4) -> tuple[View, ...]:
+def wrist_views(side: Side, count: int = 20, spread: float = 0.4) -> tuple[BoardView, ...]:
     """Poses around one above a board, as a person would choose them."""
     random = np.random.default_rng(5)
     home = np.array(HOME_JOINTS[side.index])
     table_from_camera = flange_pose(side, home) @ HAND
     there = table_from_camera.translation + 0.42 * table_from_camera.rotation[:, 2]
     table_from_board = SE3.at(*there, yaw=0.3) @ SE3.at(*(-BOARD.middle))
-    views: list[View] = []
+    views: list[BoardView] = []
     while len(views) < count:
         joints = home + random.uniform(-spread, spread, 7)
         pose = (flange_pose(side, joints) @ HAND).inverse() @ table_from_board
         if is_seen(pose, D405):
-            views.append(View(image=view(BOARD, pose, D405, random), joints=joints))
+            views.append(BoardView(image=view(BOARD, pose, D405, random), joints=joints))
     return tuple(views)
 
 

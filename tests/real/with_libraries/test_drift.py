@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from duobench.cli import main
-from duobench.real.doctor.checks import Outcome
+from duobench.real.doctor.checks import CheckOutcome
 from duobench.real.doctor.examine import examine, shift_between
 from duobench.real.rig import CameraConfig
 from duobench.world.robot.cameras import HEAD
@@ -54,9 +54,10 @@ def test_images_that_show_something_else_have_no_shift() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pixels", "outcome"), [(0.0, Outcome.OK), (2.0, Outcome.NOTE), (6.0, Outcome.FAILED)]
+    ("pixels", "outcome"),
+    [(0.0, CheckOutcome.OK), (2.0, CheckOutcome.NOTE), (6.0, CheckOutcome.FAILED)],
 )
-def test_the_reference_decides(pixels: float, outcome: Outcome) -> None:
+def test_the_reference_decides(pixels: float, outcome: CheckOutcome) -> None:
     duo, moved = new_rig(), scene(pixels)
     duo.cameras[HEAD] = SimulatedCamera(
         CameraConfig(driver=CAMERA), duo.clock, HEAD, source=lambda *_: moved

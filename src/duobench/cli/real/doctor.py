@@ -57,7 +57,7 @@ def run(
         raise AdvisedError(
             f"The rig {rig} has no file beside which a reference could be kept."
         )
-    # Where nothing is hardware, time is computed as well: nobody has to wait.
+    # Without hardware, time is simulated too, so that the command does not wait.
     clock = VirtualClock() if known.is_computed else SystemClock()
     with closing(open_rig(known, clock, guard=False)) as duo:
         if hold:

@@ -68,7 +68,7 @@ def offer_to_import(tasks: Set[str], *, import_tasks: bool) -> None:
 
 
 def relative(path: Path) -> Path:
-    """A path as somebody would type it: from the working folder, where it is below that."""
+    """Return a path as a user types it: relative to the working folder, if it lies below."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 

@@ -62,7 +62,7 @@ def known_lens(rig: Rig, camera: str) -> CameraCalibration:
 def open_views(
     rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board
 ) -> ViewFolder:
-    """The images in a folder; where there are none, they are taken now."""
+    """Return the images in a folder; if it holds no images, they are taken now."""
     from duobench.real.calibration.views import ViewFolder
 
     folder = ViewFolder(path, camera)

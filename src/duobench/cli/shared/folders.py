@@ -20,7 +20,7 @@ AS_NOTED = "beside what was noted of attempts"
 def open_data(
     folder: Path, tasks: tuple[str, ...] = (), *, import_tasks: bool = False
 ) -> DataSet:
-    """The data set in a folder; an error if there is none, or MuJoCo cannot be loaded.
+    """Open the data set in a folder; raise an error without it, or without MuJoCo.
 
     Of the tasks that were named, those of one's own are imported.
     """

@@ -14,7 +14,7 @@ from duobench.cli.shared.process import stopping
 
 if TYPE_CHECKING:
     from duobench.data import Actor
-    from duobench.teleop.intent import Device
+    from duobench.teleop.intent import TeleopDevice
     from duobench.teleop.leaders.device import JointSource
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.web.server import PageServer
@@ -38,7 +38,7 @@ class LeadingOptions:
     """One control step for each message of the page, and none without: for machines that are too
     slow for real time, and on a rig for drivers without hardware."""
 
-    def open(self, ending: ExitStack) -> tuple[Device, Actor]:
+    def open(self, ending: ExitStack) -> tuple[TeleopDevice, Actor]:
         """Device of the operator, which `ending` lets go of, and the actor that is recorded."""
         from duobench.data import Actor, ActorKind
         from duobench.teleop.hands import HandDevice

@@ -138,7 +138,7 @@ class KeyTerminal:
         while True:
             key = self._keys.get()
             if not key:
-                self._keys.put("")  # and for whatever is asked later
+                self._keys.put("")  # and for later questions
                 return QUIT
             if key in keys:
                 self.on_answer()
@@ -147,12 +147,12 @@ class KeyTerminal:
     def listen(
         self, call: Callable[[str], object] | None
     ) -> Callable[[str], object] | None:
-        """Have every key given to a call at once, whatever is asked; what was called before."""
+        """Give every key to a call at once, during questions too; return the previous call."""
         before, self._call = self._call, call
         return before
 
     def leave(self) -> None:
-        """Say that the session ends, whatever is asked; for signal handlers."""
+        """Say that the session ends, during questions too; for signal handlers."""
         with suppress(OSError):  # the terminal may be gone
             os.write(sys.stderr.fileno(), b"\nThe arms are held; the session ends.\n")
         self._keys.put("")

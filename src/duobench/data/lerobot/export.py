@@ -72,7 +72,7 @@ class Exported:
 
     episodes: int
     frames: int
-    """How many rows they have together."""
+    """Number of rows of all of them."""
     left_out: int
     """Episodes of the data set that are not in it."""
     residual: Residual | None

@@ -63,7 +63,7 @@ class SourceEpisode:
     """Number of its actions, and of its rows in the export."""
     instruction: str
     data_set: int = 0
-    """Which of the data sets it is from, in the order in which they were given."""
+    """Number of its data set, in the order in which they were given."""
     domain: Domain = Domain.SIM
     split: str | None = None
     """Split that its layout was sampled for; None if that was given."""
@@ -78,7 +78,7 @@ class Export:
     options: ExportOptions
     suite_version: str
     versions: dict[str, str]
-    """Of the packages that the images depend on."""
+    """Versions of the packages that the images depend on."""
     episodes: tuple[SourceEpisode, ...]
     """Episodes in the order of the export."""
     object_state_names: tuple[str, ...] = ()
@@ -114,7 +114,7 @@ class Export:
         return sum(episode.length for episode in self.episodes[:index])
 
     def differences(self, other: Self) -> list[str]:
-        """In what another export differs, one phrase each: `look dark instead of default`."""
+        """Differences from another export, one phrase each: `look dark instead of default`."""
         return differences(self._facts(), other._facts())
 
     def _facts(self) -> dict[str, Any]:
@@ -129,13 +129,13 @@ class Export:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Residual:
-    """How far the tools at the solved joint targets are from the tool poses that were given.
+    """Distance of the tools at solved joint targets from the given tool poses.
 
     Distances are in metres, angles in radians.
     """
 
     targets: int = 0
-    """How many poses were solved for, two a row."""
+    """Number of solved poses, two a row."""
     sum_position: float = 0.0
     sum_rotation: float = 0.0
     max_position: float = 0.0
@@ -151,7 +151,7 @@ class Residual:
         )
 
     def __str__(self) -> str:
-        """As a sentence part: means and largest values in millimetres and radians."""
+        """Format as part of a sentence: means and largest values in millimetres and radians."""
         count = max(1, self.targets)
         return (
             f"mean {1000 * self.sum_position / count:.3f} mm and "
@@ -165,7 +165,7 @@ class EpisodeFacts:
     """Facts about a finished episode, beside its files."""
 
     counts: dict[str, list[list[int]]]
-    """How often each value occurs in each channel (3, 256), by camera."""
+    """Histograms of the values of each channel (3, 256), by camera."""
     residual: Residual | None
     sizes: dict[str, int] = field(default_factory=dict[str, int])
     """Bytes of each of its files, by its name from the folder of the export."""

@@ -42,7 +42,7 @@ LEVELS = 256
 CHANNELS = 3
 
 Counts = NDArray[np.int64]
-"""How often each value occurs in each channel (3, 256)."""
+"""Histogram of the values of each channel (3, 256)."""
 Statistics = dict[str, Array]
 """Statistics of one feature by name."""
 _Lists = dict[str, dict[str, list[Any]]]

@@ -110,7 +110,7 @@ class EpisodeChoice:
     """Which episodes are exported."""
 
     tasks: tuple[str, ...] = ()
-    """Ids of the tasks to export; all tasks of the data set if there is none."""
+    """Ids of the tasks to export; if empty, all tasks of the data set."""
     only_successes: bool = False
     """Leave out episodes that did not succeed."""
     domains: tuple[Domain, ...] = tuple(Domain)

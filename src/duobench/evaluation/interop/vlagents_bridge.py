@@ -83,7 +83,7 @@ class VLAgentsPolicy:
             raise MachineryError(
                 "The server of VLAgents answers nothing any more."
             ) from error
-        except Exception:  # noqa: BLE001 - whatever ended the connection
+        except Exception:  # noqa: BLE001 - any error ends the connection
             self._client = self._connected(WAIT_S)
 
     def act(self, observation: Observation) -> Chunk:

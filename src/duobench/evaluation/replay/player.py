@@ -124,7 +124,7 @@ class RecordPlayer(Player):
         )
 
     def task(self, record: Record) -> TaskInfo:
-        """The task of a record as it is, whatever the run says about it; see `actual_task`."""
+        """Actual task of a record, not as the run describes it; see `actual_task`."""
         return self._task(record.task)
 
     def environment_of(self, record: Record, *, has_images: bool = False) -> gym.Env:
@@ -216,9 +216,9 @@ class _Sendable(Watcher):
 
 
 def command_config(config: EnvConfig) -> EnvConfig:
-    """A configuration in which the commands that were sent in another one are the actions.
+    """Configuration whose actions are the commands that were sent under another configuration.
 
-    They are joint targets and openings, one command a step; nothing is rendered.
+    Actions are joint targets and openings, one for each step; nothing is rendered.
     """
     return replace(
         config,
@@ -233,7 +233,7 @@ def command_config(config: EnvConfig) -> EnvConfig:
 
 
 def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
-    """A task of a run as it is, whatever the run says about it; see `RecordPlayer`."""
+    """Load the actual task that a run names; its description there may differ."""
     reference = catalog.trusted(
         claimed.id, claimed.reference, import_tasks=import_tasks
     )
@@ -242,7 +242,7 @@ def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
 
 
 def why_not(record: Record) -> str:
-    """Why a record of a known task cannot be played again; empty if it can."""
+    """Reason why a record of a known task cannot be played again; empty if it can."""
     if record.domain == REAL:
         return "It was played on real arms and judged by a person, which cannot be played again."
     if record.suite_version != SUITE_VERSION:
@@ -264,7 +264,7 @@ def why_not(record: Record) -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Divergence:
-    """How an episode that was replayed by its commands differs from the recorded one."""
+    """Differences between an episode replayed by its commands and the recorded one."""
 
     steps: int
     """Control steps that were replayed."""
@@ -327,7 +327,7 @@ def _divergence(
     env: gym.Env,
     recording: Recording,
 ) -> Divergence:
-    comparison, info = _Comparison(recording), recording.info
+    comparison, info = _StateComparison(recording), recording.info
     options: dict[str, Any] = {LAYOUT: info.layout}
     if info.seed is not None:  # what shifts sample follows from it
         options |= {LAYOUT_SEED: info.seed, SPLIT: info.split}
@@ -360,7 +360,7 @@ def _divergence(
     )
 
 
-class _Comparison(Watcher):
+class _StateComparison(Watcher):
     """Watches a replay, and compares each of its rows with the recorded one."""
 
     _simulation: Simulation

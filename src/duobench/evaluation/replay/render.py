@@ -89,7 +89,7 @@ def _place(
 def choose_few(
     run: Run, records: Sequence[Record], words: Sequence[str]
 ) -> list[Record]:
-    """As `choose`, but "failures" and "all" choose few of many, of all kinds.
+    """Choose records as `choose`, but with "failures" and "all" only a few of every kind.
 
     The first episode of each task, condition and last stage comes first, then the second, until
     there are `MOST_REPLAYS`.
@@ -150,7 +150,7 @@ def make_missing(
             f"The run is of suite {run.suite.version}; this version plays suite {SUITE_VERSION}, "
             "in which what was sent leads elsewhere. Make videos with the version that played it."
         )
-    with closing(_Renderer(folder, run, import_tasks=import_tasks)) as renderer:
+    with closing(_RecordRenderer(folder, run, import_tasks=import_tasks)) as renderer:
         make = renderer.make_video if what == VIDEO else renderer.make_replay
         is_there = [
             folder.video(each.key).exists()
@@ -161,7 +161,7 @@ def make_missing(
         return renderer.make_missing(records, is_there, make, progress)
 
 
-class _Renderer:
+class _RecordRenderer:
     """Makes videos and replays of episodes of a run, in its folder; see `RecordPlayer`."""
 
     def __init__(

@@ -44,13 +44,13 @@ _LEAVING_S, _LOADING_S, _LOOK_S = 10.0, 2.0, 0.1
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Item:
-    """Something that can be chosen."""
+    """Item that can be chosen."""
 
     id: str
     title: str
     detail: str = ""
     state: str = ""
-    """How it ended; empty where nothing did."""
+    """End of the episode in words; empty for other items."""
 
 
 class TaskSource:
@@ -150,7 +150,7 @@ class RunSource:
         for task in self._wanted:
             check_known("task in the run", task, known)
         self.records: dict[str, Record] = {}
-        """Of all finished episodes, by the ids of their items."""
+        """Records of all finished episodes, by the ids of their items."""
         self.items: list[Item] = []
         self._player = RecordPlayer(self.run, import_tasks=import_tasks)
         self._scenes = SceneCache()

@@ -1,8 +1,8 @@
-"""Verifying a run: the joint targets in its records are played again, without the policy.
+"""Verification of a run: the joint targets in its records are played again, without the policy.
 
-What a record says about its episode must come out again. What a replay cannot find (the policy's
-name, versions, the text of an error) is covered by the checksum of the record, which shows that a
-file was changed, not that somebody computed a new one.
+The claims of a record about its episode must come out again. Claims that a replay cannot check (the
+policy's name, versions, the text of an error) are covered by the checksum of the record, which
+shows that a file was changed, but not that its checksum was computed anew.
 """
 
 import operator
@@ -28,7 +28,7 @@ from duobench.core.versions import differing_arithmetic
 from duobench.envs import action_modes
 from duobench.evaluation.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS
-from duobench.results.entrants import Check
+from duobench.results.entrants import ReplayCheck
 from duobench.results.folder import RunReader
 from duobench.results.journal import end_of
 from duobench.results.records import Key, Record
@@ -38,6 +38,7 @@ from duobench.results.scores import RunPart, group_by_condition
 TOLERANCE = 1e-6
 """Difference of a pose that another processor may make, in metres or in parts of a quaternion."""
 LONGEST_CLAIM = 120
+"""Characters of a claim that are shown."""
 _OUTCOME = (
     "seed",
     "horizon",
@@ -58,7 +59,7 @@ class Verdict(StrEnum):
 
     EXACT = "exact"
     STAGES = "stages only"
-    """Layout, stages and end agree; the bits need not be those of this processor, and are not."""
+    """Layout, stages and outcome agree; the bits differ, as they may on another processor."""
     ERROR = "up to an error"
     """Everything is equal to the bit until an error ended the episode."""
     UNVERIFIABLE = "not verifiable"
@@ -73,8 +74,8 @@ class Finding:
     key: Key
     verdict: Verdict
     reason: str = ""
-    """Why it is not verifiable or not equal to the bit, or what the record says and what its
-    replay gives, in one line; empty where it agrees."""
+    """Reason in one line: why the record cannot be verified, or how it differs from its replay;
+    empty if it agrees."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,12 +88,12 @@ class Verification:
     objections: tuple[str, ...] = ()
     """Contradictions between the run and its tasks, one sentence each."""
     unnoted: int = 0
-    """Of how many records no attempt is noted, so that earlier ones cannot be ruled out."""
+    """Number of records without a noted attempt; earlier attempts at them cannot be ruled out."""
     missing: int = 0
     """Episodes of the run that have no record."""
     parts: tuple[RunPart, ...] = ()
-    """Scores of what is verified, under each condition: nothing that is contradicted, what cannot
-    be verified as failures that reached no stage, and nothing after the horizon."""
+    """Scores of the verified records under each condition. Contradicted records are left out, and
+    those that cannot be verified count as failures that reached no stage."""
 
     def of(self, *verdicts: Verdict) -> list[Finding]:
         """The findings with one of these verdicts."""
@@ -115,21 +116,21 @@ def verify(
     import_tasks: bool = False,
     progress: Progress = lambda _done, _total: None,
 ) -> Verification:
-    """Play the joint targets in the records of a run again, and compare what comes out.
+    """Play the joint targets in the records of a run again, and compare the episodes.
 
     Layout, first state, stages, end and last state must come out again: to the bit with the same
     MuJoCo and NumPy on x86-64 processors with AVX2, elsewhere in stages and outcome alone.
 
     Args:
         source: The run; see `duobench.results.bundle.open_source`.
-        wanted: Episodes to verify; all without.
+        wanted: Episodes to verify; None verifies all.
         workers: Processes that verify side by side; 0 verifies in this process. See `run_all`.
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
-            the modules that the run names. Their episodes are not verifiable without.
+            the modules that the run names. Otherwise their episodes are not verifiable.
         progress: Told about the progress, in episodes.
 
     Returns:
-        What was found out; a record that cannot be read is contradicted.
+        Verdicts and scores; a record that cannot be read is contradicted.
 
     Raises:
         EvaluationError: There is no run.
@@ -141,7 +142,8 @@ def verify(
     findings: dict[Key, Finding] = {}
     jobs: list[Record] = []
     records: list[Record] = []
-    there, attempts = source.finished(run), source.attempts()
+    there = source.finished(run)
+    attempts = source.attempts()
     keys = [key for key in there if wanted is None or key in wanted]
     for key in keys:
         try:
@@ -155,7 +157,9 @@ def verify(
         wrong = _other_versions(run, record) or _other_attempts(attempts, record)
         if wrong:
             findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
-        elif reason := unknown.get(record.task) or why_not(record):
+            continue
+        reason = unknown.get(record.task) or why_not(record)
+        if reason:
             findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)
         else:
             jobs.append(record)
@@ -178,8 +182,8 @@ def verify(
     )
 
 
-def checks(found: Verification) -> dict[str, Check]:
-    """Return what a verification found of each condition that has a record, by its name."""
+def checks(found: Verification) -> dict[str, ReplayCheck]:
+    """Return the result of a verification for each condition that has a record, by its name."""
     by_condition: dict[str, list[Finding]] = {}
     for finding in found.findings:
         by_condition.setdefault(finding.key.condition, []).append(finding)
@@ -189,7 +193,7 @@ def checks(found: Verification) -> dict[str, Check]:
     }
 
 
-def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> Check:
+def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> ReplayCheck:
     counts = Counter(finding.verdict for finding in findings)
     unverifiable = counts[Verdict.UNVERIFIABLE]
     if objections or counts[Verdict.CONTRADICTED] or unverifiable == len(findings):
@@ -204,7 +208,7 @@ def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> Check:
         if finding.verdict is verdict
     ]
     first = [*objections, *wrong][:1]
-    return Check(
+    return ReplayCheck(
         verified=verified,
         details=". ".join([", ".join(said), *(_short(each) for each in first)]),
     )
@@ -229,7 +233,7 @@ def _finding(
 
 
 def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[str]]:
-    """Why tasks of a run cannot be played, by id, and what the run says wrongly of others."""
+    """Return why tasks of a run cannot be played, by id, and false claims about the others."""
     unknown: dict[str, str] = {}
     objections: list[str] = []
     for claimed in run.suite.tasks:
@@ -248,7 +252,7 @@ def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[
 
 
 def _other_versions(run: Run, record: Record) -> str:
-    """Return where the versions of a record and of its run differ; empty if nowhere."""
+    """Return the differences between the versions of a record and its run; empty if equal."""
     return "; ".join(
         f"its version of {name} is {record.versions.get(name)}, that of the run {version}"
         for name, version in run.versions.items()
@@ -257,21 +261,18 @@ def _other_versions(run: Run, record: Record) -> str:
 
 
 def _other_attempts(noted: Mapping[str, Sequence[str]], record: Record) -> str:
-    """Return where noted attempts and a record differ; empty if nowhere."""
+    """Return the differences between noted attempts and a record; empty if equal."""
     ends = noted.get(record.key.path)
     if ends is None:
         return ""
     if (record.attempt, *record.earlier) == (len(ends), *ends[:-1]):
-        # Whoever was killed before the record's end was noted has noted none, or why it is lost.
-        is_told = ends[-1] == end_of(record) or ends[-1] not in {
-            SUCCESS,
-            FAILURE,
-            ERROR,
-        }
-        return (
-            "" if is_told else f"it is a {end_of(record)}; the journal says: {ends[-1]}"
-        )
-    claimed, known = (", ".join(each) or "none" for each in (record.earlier, ends[:-1]))
+        # A process that was killed after it wrote the record has not noted how the attempt ended.
+        is_noted = ends[-1] in {SUCCESS, FAILURE, ERROR}
+        if is_noted and ends[-1] != end_of(record):
+            return f"it is a {end_of(record)}; the journal says: {ends[-1]}"
+        return ""
+    claimed = ", ".join(record.earlier) or "none"
+    known = ", ".join(ends[:-1]) or "none"
     return f"its earlier attempts ended so: {claimed}; the journal says: {known}"
 
 
@@ -286,7 +287,8 @@ def _check(player: RecordPlayer, record: Record) -> Finding:
     except DuoBenchError as error:
         reason = f"its targets cannot be played: {error}"
         return _finding(record.key, Verdict.CONTRADICTED, reason)
-    different, bits = disagreements(record, replay), differing_bits(record, replay)
+    different = disagreements(record, replay)
+    bits = differing_bits(record, replay)
     elsewhere = differing_arithmetic(record.versions)
     if different or (bits and not elsewhere):
         reason = "; ".join(dict.fromkeys([*different, *bits]))
@@ -300,9 +302,9 @@ def _check(player: RecordPlayer, record: Record) -> Finding:
 
 
 def disagreements(record: Record, replay: Record) -> list[str]:
-    """Return claims of a record that its replay contradicts on any processor.
+    """Return claims of a record that its replay contradicts on any processor, one phrase each.
 
-    The replay has the same error. What both say is one phrase each.
+    The replay has the same error.
     """
     found = _different(_outcome(record), _outcome(replay))
     found += _different(_poses(record), _poses(replay), _is_close)
@@ -313,9 +315,9 @@ def disagreements(record: Record, replay: Record) -> list[str]:
 
 
 def differing_bits(record: Record, replay: Record) -> list[str]:
-    """Return where a record and its replay differ in bits, as they may on other processors.
+    """Return differences in bits, which another processor may cause, one phrase each.
 
-    See `disagreements`. Words on what the next stage lacks are none where the last step failed.
+    `unmet` is not compared where the record has none because its last step failed.
     """
     if record.unmet is None:
         replay = replace(replay, unmet=None)
@@ -338,9 +340,10 @@ def _poses(record: Record) -> dict[str, Any]:
 
 
 def _bits(record: Record) -> dict[str, Any]:
-    # What relative Cartesian actions add up to is part of it, and not of what was sent.
+    # Its hash covers the sum of relative Cartesian actions, which the targets do not hold.
     is_relative = record.config.action_mode == action_modes.CARTESIAN_RELATIVE.name
-    start, end = record.start, record.end
+    start = record.start
+    end = record.end
     return {
         **_poses(record),
         "physics at the start": start and start.physics,
@@ -355,12 +358,7 @@ def _bits(record: Record) -> dict[str, Any]:
 def _is_close(claimed: Any, shown: Any) -> bool:
     if claimed is None or shown is None:
         return False
-    return np.allclose(
-        claimed,
-        shown,
-        rtol=0,
-        atol=TOLERANCE,
-    )
+    return np.allclose(claimed, shown, rtol=0, atol=TOLERANCE)
 
 
 def _different(

@@ -25,11 +25,11 @@ MAX_TRAJECTORIES = 64
 _MAX_COMMANDS = 100
 MAX_ITEMS = 500
 _MAX_LATE_S = 1.0
-"""After a longer pause, such as while nobody looked, it goes on where it was, in seconds."""
+"""Seconds of a pause, such as without a visitor, after which it continues where it was."""
 _REFRESH_S = 1.0
-"""How often is looked what has come, in seconds."""
+"""Seconds between looks for messages."""
 _IDLE_S = 0.1
-"""How often is looked whether an episode is ready, or somebody came, in seconds."""
+"""Seconds between looks for a ready episode or a new visitor."""
 
 
 class SelectItem(PageMessage, frozen=True, tag="select"):
@@ -56,7 +56,7 @@ Command = SelectItem | SeekStep | SetPlaying
 class Viewer:
     """Shows a source on a page, its first item at first, and does what its visitors ask for.
 
-    All of them see the same. Nothing moves while nobody looks.
+    All of them see the same. Nothing moves without a visitor.
 
     Args:
         source: What can be viewed; closed at the end of `run`.
@@ -124,7 +124,7 @@ class Viewer:
     # --- what visitors ask for -------------------------------------------------------------------
 
     def _on_message(self, command: Command) -> str | None:
-        """Take a message, in the server's thread; anybody who has the page may choose."""
+        """Take a message, in the server's thread; any visitor of the page may choose."""
         if isinstance(command, SelectItem) and command.id not in self._known:
             raise MessageError(f"There is no {command.id!r} to show.")
         try:

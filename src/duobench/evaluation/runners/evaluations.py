@@ -1,8 +1,8 @@
-"""Playing what is missing in a folder: episodes of an evaluation, or demonstrations.
+"""Playing the missing episodes of a folder: of an evaluation, or demonstrations.
 
-Whatever plays, this process alone writes what it plays. Other processes may write other shards of
-the same evaluation into the same folder. Demonstrations are the first episodes, by index, that
-succeed, with any number of workers and after interruptions.
+This process alone writes its episodes, wherever they are played. Other processes may write other
+shards of the same evaluation into the same folder. Demonstrations are the first episodes, by
+index, that succeed, with any number of workers and after interruptions.
 """
 
 from collections.abc import Sequence, Set
@@ -359,7 +359,7 @@ class _Log:
     def played_by(
         self, executor: Executor, observers: Sequence[Observer[Attempt]]
     ) -> list[Attempt]:
-        """Have episodes played until there are enough; all attempts, by task and index."""
+        """Play episodes until there are enough; return all attempts by task and index."""
         for observer in observers:
             observer.on_run_start(self._run, list(self._attempts.values()))
         while missing := [

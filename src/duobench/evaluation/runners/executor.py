@@ -71,12 +71,12 @@ from duobench.world.sim import rendering
 _log = logging.getLogger(__name__)
 
 HANG_S = 1.0
-"""How long a policy's process may be late, in seconds, before it is ended: one that comes back
+"""Seconds that a policy's process may be late before it is ended: one that comes back
 until then says itself that it was too slow."""
 TICK_S = 0.1
-"""How often deaths and time limits are looked after, in seconds."""
+"""Seconds between checks of deaths and time limits."""
 GRACE_S = 60.0
-"""How long an episode may be over its time limit without its policy being busy, in seconds."""
+"""Seconds that an episode may exceed its time limit without its policy being busy."""
 _ENDED = "the policy's process ended by itself"
 
 
@@ -95,7 +95,7 @@ class LocalExecutor:
         self._ending = ExitStack()
         self._progress: Record | None = None
         self.unplayed: Mapping[Episode, UnplayedError] = self._schedule.abandoned
-        """Those whose task has failed, and why; a death ends this process too."""
+        """Episodes whose task failed, with the error; a death ends this process too."""
 
     @cached_property
     def _runner(self) -> EpisodeRunner:
@@ -110,7 +110,7 @@ class LocalExecutor:
         return self._runner.run
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy act twice on a first observation; see `ProcessExecutor`."""
+        """Let the policy act twice on a first observation; see `ProcessExecutor`."""
         return self._runner.rehearse(episode)
 
     def play(
@@ -202,7 +202,7 @@ class ProcessExecutor:
         return self._ready.run
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy act twice on the first observation of an episode, after `prepare`.
+        """Let the policy act twice on the first observation of an episode, after `prepare`.
 
         Raises:
             PolicyError: It fails, or returns no chunk of actions.
@@ -387,7 +387,7 @@ class ProcessExecutor:
     def _rehearse_again(
         self, worker: Worker, episode: Episode, report: EpisodeError
     ) -> None:
-        """Have a policy act once more, unless that cannot help."""
+        """Let a policy act once more, unless that cannot help."""
         if report.how == TASK:
             self._rehearsing = worker.episode = None
             raise TaskFailedError(report.fault)
@@ -432,7 +432,7 @@ class ProcessExecutor:
                         yield from self._receive(worker, report)
 
     def _share(self, episodes: Sequence[Episode], how: str = SHARED) -> None:
-        """Have episodes be played one at a time of which one has ended a policy of all."""
+        """Play episodes one at a time if one of them ended the policy of all."""
         for episode in episodes:
             self._log.lose(episode, how)
         self._schedule.quarantine(episodes)
@@ -521,7 +521,7 @@ def _read(
 
 
 Executor = LocalExecutor | ProcessExecutor
-"""Something that plays episodes, in whatever processes, and writes nothing."""
+"""Executor that plays episodes, in this process or others, and writes nothing."""
 
 
 def executor_for(

@@ -20,12 +20,12 @@ class MakePolicy(msgspec.Struct, tag=True, frozen=True, kw_only=True):
 
     name: str
     batching: Batching | None
-    """How many observations a batch of a `BatchPolicy` has; None takes the default."""
+    """Observations in a batch of a `BatchPolicy`; None takes the default."""
     limits: TimeLimits
 
 
 class Answering(msgspec.Struct, tag=True, frozen=True):
-    """From the process of a policy: it is made, and answers."""
+    """Report of a policy's process: the policy is made and accepts observations."""
 
     address: PolicyAddress
 

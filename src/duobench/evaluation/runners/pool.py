@@ -1,4 +1,4 @@
-"""The processes that do a job: simulators in workers, and policies beside them."""
+"""Pool of the processes that do a job: workers that simulate, and policies."""
 
 import time
 from collections.abc import Sequence
@@ -24,20 +24,18 @@ from duobench.results.suite import Episode, TaskInfo
 
 MAX_FAILED_STARTS = 3
 SHUTDOWN_TIMEOUT_S = 10.0
-"""How long processes may take to free everything before they are killed, in seconds."""
+"""Seconds that processes have to end before they are killed."""
 _LOOK_S = 0.01
-"""How often is looked whether they have ended, in seconds."""
-WORKER, POLICY = (
-    "duobench.evaluation.runners.worker",
-    "duobench.evaluation.runners.policy_process",
-)
+"""Seconds between looks whether they have ended."""
+WORKER = "duobench.evaluation.runners.worker"
+POLICY = "duobench.evaluation.runners.policy_process"
 
 
 class Launcher(Protocol):
-    """Starts processes, here or elsewhere."""
+    """Launcher of processes, on this machine or elsewhere."""
 
     max_failed_starts: int
-    """Processes that die one after the other while they start, until the run gives up."""
+    """Failed starts in a row after which the run gives up."""
 
     def open(self) -> None:
         """Get ready to start processes."""
@@ -55,15 +53,15 @@ class Launcher(Protocol):
         ...
 
     def wait(self, processes: Sequence[Any], seconds: float) -> Sequence[Any]:
-        """Wait until processes have said something, or the time is over; those that have."""
+        """Wait for messages up to some seconds; return the processes that sent one."""
         ...
 
     def close(self) -> None:
-        """Let go of what `open` has got, after all processes have ended."""
+        """Free what `open` got, after all processes have ended."""
 
 
 class LocalLauncher(Launcher):
-    """Starts processes on this machine, for which nothing has to be got ready."""
+    """Launcher of processes on this machine."""
 
     max_failed_starts = MAX_FAILED_STARTS
 
@@ -76,7 +74,7 @@ class LocalLauncher(Launcher):
         return WorkerProcess(WORKER, Report)
 
     def wait(self, processes: Sequence[Any], seconds: float) -> Sequence[Any]:
-        """Wait until processes have said something, or the time is over; those that have."""
+        """Wait for messages up to some seconds; return the processes that sent one."""
         return wait(processes, seconds)
 
 
@@ -89,7 +87,7 @@ class RunningPolicy:
 
     @property
     def is_ready(self) -> bool:
-        """Whether it answers."""
+        """Whether it accepts observations."""
         return self.address is not None
 
 
@@ -98,49 +96,55 @@ class Worker:
 
     Args:
         process: Its process, which waits for a job.
-        policy: The policy that it asks; None if it makes the policy itself.
+        policy: The policy that acts for it; None if it makes the policy itself.
     """
 
     def __init__(self, process: Transport, policy: RunningPolicy | None) -> None:
-        self.process, self.policy, self.is_ready = process, policy, False
+        self.process = process
+        self.policy = policy
+        self.is_ready = False
         self.episode: Episode | None = None
+        """Episode that it plays."""
         self.is_alone = True
-        """Whether nothing else was asked of its policy since that began."""
+        """Whether its policy has acted for no other worker since the episode began."""
         self.progress: Record | None = None
-        """The record of that so far, once it has begun."""
+        """Record of the episode so far, once it has begun."""
         self.task: TaskInfo | None = None
 
     def begin(self, job: Job) -> None:
-        """Have it make the policy, or connect to it."""
+        """Let the worker make the policy, or connect to it."""
         if self.policy is not None:
             choice = replace(job.policy, address=self.policy.address)
             job = msgspec.structs.replace(job, policy=choice)
         self.process.send(job)
 
     def rehearse(self, episode: Episode) -> None:
-        """Have its policy act on the first observation of an episode."""
+        """Let the policy act on the first observation of an episode."""
         self.episode = episode
         self.process.send(Rehearse(episode=episode))
 
     def play(self, episode: Episode) -> None:
-        """Have it play an episode."""
-        self.episode, self.task, self.progress = episode, episode.task, None
+        """Let the worker play an episode."""
+        self.episode = episode
+        self.task = episode.task
+        self.progress = None
         self.is_alone = True
         self.process.send(PlayEpisode(episode=episode))
 
 
 class WorkerPool:
-    """Workers and policies: a `BatchPolicy` for all workers, a plain one beside each."""
+    """Workers and policies: one `BatchPolicy` for all workers, or one plain policy for each."""
 
     def __init__(self, job: Job, launcher: Launcher) -> None:
-        self._job, self._launcher = job, launcher
+        self._job = job
+        self._launcher = launcher
         self._policies: list[RunningPolicy] = []
         self.workers: list[Worker] = []
         self._is_shared: bool | None = None  # not known before the policy is made
 
     @property
     def members(self) -> list[Worker | RunningPolicy]:
-        """All of them, policies first: what becomes of one is known before its workers tell."""
+        """Policies, then workers: the end of a policy is noticed before its workers report it."""
         return [*self._policies, *self.workers]
 
     @property
@@ -149,14 +153,14 @@ class WorkerPool:
         return [worker for worker in self.workers if worker.episode is not None]
 
     def note_company(self) -> None:
-        """Note who shares a policy, in a process or at a server, with somebody who plays now."""
+        """Mark the playing workers whose policy acts for another playing worker too."""
         playing = self.playing
         for worker in playing:
             mates = [each for each in playing if each.policy is worker.policy]
             worker.is_alone = worker.is_alone and mates == [worker]
 
     def start(self, wanted: int) -> None:
-        """Start processes until so many workers are there, or will be."""
+        """Start processes for a number of workers; those of policies come first."""
         if not self._job.policy.kind.has_process or (
             self._is_shared and self._policies
         ):
@@ -164,7 +168,7 @@ class WorkerPool:
             for _ in range(wanted - len(self.workers)):
                 self._start_worker(shared)
             return
-        for policy in self._policies:  # of workers that died
+        for policy in self._policies:  # its worker may have died
             has_worker = any(worker.policy is policy for worker in self.workers)
             if not has_worker and len(self.workers) < wanted:
                 self._start_worker(policy)
@@ -174,7 +178,7 @@ class WorkerPool:
             self._start_worker(self._start_policy())
 
     def note_address(self, policy: RunningPolicy, address: PolicyAddress) -> None:
-        """A policy answers, and its workers may begin."""
+        """Note that a policy can be reached, and let its workers begin."""
         policy.address = address
         self._is_shared = address.batching is not None
         for worker in self.workers:
@@ -182,7 +186,7 @@ class WorkerPool:
                 worker.begin(self._job)
 
     def remove(self, member: Worker | RunningPolicy) -> list[Worker]:
-        """End a process, and with a policy the workers that ask it; the workers that were ended."""
+        """End a process, and with a policy also its workers; return the ended workers."""
         if isinstance(member, Worker):
             removed = [member]
         else:
@@ -195,7 +199,7 @@ class WorkerPool:
         return removed
 
     def close(self) -> None:
-        """Let all processes free what they hold, then end them and all that they have started."""
+        """Stop all processes, then kill those left and their children."""
         idle = [
             worker
             for worker in self.workers
@@ -213,7 +217,7 @@ class WorkerPool:
         self._policies.clear()
 
     def wait(self, seconds: float) -> list[Worker | RunningPolicy]:
-        """Wait until a process has said something, or the time is over; those that have."""
+        """Wait for messages up to some seconds; return the members that sent one."""
         said = self._launcher.wait([member.process for member in self.members], seconds)
         return [member for member in self.members if member.process in said]
 
@@ -229,7 +233,7 @@ class WorkerPool:
         return policy
 
     def _start_worker(self, policy: RunningPolicy | None) -> None:
-        """Start a worker, which begins once its policy answers."""
+        """Start a worker, which begins once its policy can be reached."""
         worker = Worker(self._launcher.start_worker(policy and policy.process), policy)
         self.workers.append(worker)
         if policy is None or policy.is_ready:

@@ -37,9 +37,9 @@ from duobench.evaluation.clock import ClockReading, EpisodeClock
 Requests = queue.SimpleQueue[Any]
 
 DEATH_S = 10.0
-"""How long a killed process is waited for, in seconds."""
+"""Seconds to wait for the end of a killed process."""
 DEATH_SEEN_S = 1.0
-"""How long after a lost connection the end of a process may be seen, in seconds."""
+"""Seconds after a lost connection in which the end of a process may be noticed."""
 RESULT_BYTES = 512 << 20
 """Most bytes of a message, which may hold a video and a recording of half an hour."""
 POLICY_BYTES = 1 << 20
@@ -69,11 +69,11 @@ class Transport(Protocol):
         ...
 
     def death(self) -> str | None:
-        """How it ended, in words; None while it lives."""
+        """End of the process in words; None while it lives."""
         ...
 
     def clock(self) -> ClockReading:
-        """How long a policy in it, or one that it waits for, has been busy."""
+        """Seconds for which its policy, or one that it waits for, has been busy."""
         ...
 
     def kill(self) -> None:
@@ -82,7 +82,7 @@ class Transport(Protocol):
 
 
 def death_within(process: Transport, seconds: float) -> str | None:
-    """How a process ended, in words, where it may take a moment to be seen."""
+    """Describe the end of a process, which may take a moment to be noticed."""
     deadline = time.monotonic() + seconds
     while (death := process.death()) is None and time.monotonic() < deadline:
         time.sleep(seconds / 100)
@@ -90,7 +90,7 @@ def death_within(process: Transport, seconds: float) -> str | None:
 
 
 class ProcessFailed(msgspec.Struct, tag=True, frozen=True):
-    """From a process: what it is for cannot be done by any of its kind."""
+    """Report of a process: no process of its kind can do the work."""
 
     error: str
     message: str
@@ -219,7 +219,7 @@ class WorkerProcess:
         return self._clock.read()
 
     def death(self) -> str | None:
-        """How the process ended, in words; None while it lives.
+        """End of the process in words; None while it lives.
 
         Its exit code is left to be read again: until then its number, and with it that of its
         group, is nobody else's.
@@ -296,7 +296,7 @@ def run_child(
         text = f"A process of the evaluation failed.\n{traceback_text(error)}"
         parent.report(ProcessFailed(error=EvaluationError.__name__, message=text))
     # Exit handlers are the policy's; taking the interpreter down is skipped: graphics drivers
-    # have crashed there. The parent ends whatever is left.
+    # have crashed there. The parent ends the rest.
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(

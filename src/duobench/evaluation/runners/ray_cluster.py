@@ -186,7 +186,7 @@ class RayTransport:
         self._actor.send.remote(msgspec.json.encode(request))
 
     def death(self) -> str | None:
-        """How the process ended, in words, after taking what the actor has said meanwhile."""
+        """End of the process in words, after the actor's messages have been taken."""
         ray = load()
         if self._death is not None or not ray.wait([self.status], timeout=0)[0]:
             return self._death

@@ -34,9 +34,9 @@ AUTH_MODE, TOKEN = "RAY_AUTH_MODE", "token"
 """Environment variable of Ray, and the value with which nobody gets in without the cluster's
 token."""
 POLL_S = 0.5
-"""How long an actor waits for messages before it tells how its process is, in seconds."""
+"""Seconds that an actor waits for messages before it reports on its process."""
 PROGRESS = b'{"type":"EpisodeProgress"'
-"""How messages of that class begin, which is loaded where they are made."""
+"""Beginning of the messages of that class, which is loaded where they are made."""
 SECRETS = ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH")
 """Variables that let a process into the cluster, which a policy does not get."""
 
@@ -68,7 +68,7 @@ def load(module: str = "ray") -> Any:
 
 
 def auth_mode() -> str:
-    """How this process gets into a cluster; empty if nothing is set."""
+    """Authentication of this process at a cluster; empty if none is set."""
     return os.environ.get(AUTH_MODE, "").strip().lower()
 
 
@@ -124,7 +124,7 @@ class RemoteProcess:
     def poll(self) -> ActorStatus:
         """Wait for messages, a moment at most, and tell how the process is.
 
-        How far an episode is, which nobody waits for, is told with the next other message.
+        The progress of an episode is not urgent: it is sent with the next other message.
         """
         with self._reading:
             death, clock = "it was never started.", ClockReading()
@@ -168,7 +168,7 @@ def _may_wait(message: bytes) -> bool:
 
 
 def _objection(version: str) -> str:
-    """Why nothing is played on this node; empty if it is as it must be."""
+    """Reason why this node cannot play; empty if it can."""
     mode = auth_mode()
     if mode != TOKEN:
         return (

@@ -1,4 +1,4 @@
-"""Which episode is played next, and which are not played any more."""
+"""Schedule of episodes: the next one to play, and those that are given up."""
 
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,7 @@ from duobench.results.attempts import MACHINERY, MOST_POLICY_ENDS, POLICY, TASK
 from duobench.results.suite import Episode, TaskInfo
 
 MAX_PLAYS = 3
-"""How often an episode is begun before it is given up."""
+"""Attempts at an episode before it is given up."""
 LOST = "the connection to the policy was lost"
 
 
@@ -32,12 +32,12 @@ class AttemptLog:
         self._policy_ends[episode] += how == POLICY
 
     def policy_ends(self, episode: Episode) -> int:
-        """In how many attempts the policy has ended by itself, or was lost."""
+        """Number of attempts in which the policy ended by itself, or was lost."""
         return self._policy_ends[episode]
 
 
 def end_of(fault: MachineryError) -> str:
-    """How an attempt ended that a fault has ended, one of `duobench.results.attempts.ENDS`."""
+    """End of an attempt that a fault has ended, one of `duobench.results.attempts.ENDS`."""
     match fault:
         case TaskFailedError():
             return TASK
@@ -66,7 +66,7 @@ class Schedule:
 
     @property
     def left(self) -> int:
-        """How many episodes wait."""
+        """Number of waiting episodes."""
         return sum(map(len, self._waiting.values())) + len(self._quarantined)
 
     @property

@@ -23,19 +23,19 @@ from duobench.results.suite import Episode
 
 
 class PlayEpisode(msgspec.Struct, tag=True, frozen=True):
-    """To a worker: play an episode."""
+    """Request to a worker: play an episode."""
 
     episode: Episode
 
 
 class Rehearse(msgspec.Struct, tag=True, frozen=True):
-    """To a worker: have the policy act twice on the first observation of an episode."""
+    """Request to a worker: let the policy act twice on the first observation of an episode."""
 
     episode: Episode
 
 
 class Ready(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the policy is made."""
+    """Report of a worker: the policy is made."""
 
     run: Run
     versions: dict[str, str | None]
@@ -43,27 +43,27 @@ class Ready(msgspec.Struct, tag=True, frozen=True):
 
 
 class Rehearsed(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the policy has acted."""
+    """Report of a worker: the policy has acted."""
 
     answer: FirstAnswer
 
 
 class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the episode has begun, or reached a new stage."""
+    """Report of a worker: the episode has begun, or reached a new stage."""
 
     record: Record
 
 
 class EpisodeError(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the episode is unplayed, through no fault of the policy that is known yet."""
+    """Report of a worker: the episode failed, through no known fault of the policy."""
 
     fault: str
     how: str = MACHINERY
-    """How the attempt ended, one of `duobench.results.attempts.ENDS`."""
+    """End of the attempt, one of `duobench.results.attempts.ENDS`."""
 
 
 Request = Job | PlayEpisode | Rehearse | Stop
-"""To a worker; a job comes first, which has it make the policy."""
+"""Requests to a worker; the first is a job, with which it makes the policy."""
 Report = (
     Ready | Rehearsed | EpisodeProgress | EpisodeResult | EpisodeError | ProcessFailed
 )

@@ -47,7 +47,7 @@ class PolicyAddress:
     key: str
     """Key that it asks for; only those who play with it have it."""
     batching: Batching | None
-    """How many observations a batch of it has; None for a plain policy, which plays one episode
+    """Observations in a batch of it; None for a plain policy, which plays one episode
     at a time."""
 
     @property
@@ -94,7 +94,7 @@ class RemoteServer:
 
     @property
     def executed(self) -> str:
-        """How much of each chunk is executed, for the version of a policy."""
+        """Executed part of each chunk, for the version of a policy."""
         count = "all" if self.execute is None else f"first {self.execute}"
         return f"{count} actions of a chunk"
 

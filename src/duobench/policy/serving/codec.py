@@ -59,7 +59,7 @@ def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
 
 
 def unpack(data: bytes) -> dict[str, Any]:
-    """A map of texts from bytes that anybody may have sent; its arrays are copies, and writable."""
+    """Decode a map of names to values from untrusted bytes; its arrays are writable copies."""
     message = read(data)
     if not isinstance(message, dict):
         raise MessageError(
@@ -69,7 +69,7 @@ def unpack(data: bytes) -> dict[str, Any]:
 
 
 def read(data: bytes) -> Any:
-    """A message of any type from bytes that anybody may have sent."""
+    """Decode a message of any type from untrusted bytes."""
     _check_size(data)
     try:
         message = msgspec.msgpack.decode(data)

@@ -53,7 +53,7 @@ _UNREADABLE = (
     CloseCode.INVALID_DATA,
     CloseCode.MESSAGE_TOO_BIG,
 )
-"""With what this side closes a connection on which it cannot read what comes."""
+"""Close codes of this side for messages that it cannot read."""
 
 
 class ConnectedPolicy(ABC):
@@ -62,7 +62,7 @@ class ConnectedPolicy(ABC):
     metadata: PolicyMetadata
     """Expectations of the policy on the environment."""
     batching: Batching | None
-    """How many observations a batch of the server has, if it tells."""
+    """Observations in a batch of the server, if it says so."""
     health_path: ClassVar[str]
     """Path at which a server of this kind says that it lives."""
     _default_format: ClassVar[str | None] = None
@@ -168,7 +168,7 @@ class ConnectedPolicy(ABC):
 
     @contextmanager
     def _exchange(self, *, may_be_old: bool = False) -> Iterator[ClientConnection]:
-        """The connection, made if there is none; all but a policy's own errors end it.
+        """Connection, opened if needed; all errors but a policy's own close it.
 
         One that is old may have been lost before anything was asked.
         """
@@ -214,7 +214,7 @@ class ConnectedPolicy(ABC):
         return ConnectionLostError(fault)
 
     def _has_more(self, connection: ClientConnection) -> bool:
-        """Whether the server has said something that nobody asked for."""
+        """Whether the server has sent an unrequested message."""
         try:
             connection.recv(0)
         except TimeoutError:
@@ -286,11 +286,10 @@ class ConnectedPolicy(ABC):
 
 
 def _refused_with(error: BaseException) -> int | None:
-    """The code with which this side has closed a connection; None if the other one has."""
-    closed = (
-        isinstance(error, ConnectionClosed) and not error.rcvd_then_sent and error.sent
-    )
-    return closed.code if closed else None
+    """Return the code with which this side closed a connection; None if the other side did."""
+    if not isinstance(error, ConnectionClosed) or error.rcvd_then_sent:
+        return None
+    return error.sent.code if error.sent else None
 
 
 def _is_busy(error: BaseException) -> bool:

@@ -19,7 +19,7 @@ MAX_REPLY = 64 << 20
 MAX_EXTRA = 1 << 20
 """Bytes of a message to a client beside the actions in it: a handshake, a state, times."""
 MAX_CHUNK = 4096
-"""Actions of a chunk where nobody says how many it has: more than two minutes."""
+"""Actions of a chunk of unknown length at most: more than two minutes."""
 NUMBER_BYTES = 9
 """Bytes of a number in MessagePack."""
 MAX_ARRAY_ITEMS = 4096
@@ -48,7 +48,7 @@ MAX_QUEUED_MESSAGES = 1
 HANDSHAKE_S = 10.0
 """Seconds for opening a connection."""
 IDLE_S = 600.0
-"""Seconds that a client may be silent between its requests while nobody needs its place."""
+"""Seconds that a client may be silent between requests while no other client waits."""
 SILENT_S = 5.0
 """The same while another one needs the place, and waits as long for it: more than simulators take.
 A client that plays no episode has to leave at once."""

@@ -44,7 +44,7 @@ _OPENINGS: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActionFormat:
-    """How a server gives actions."""
+    """Form in which a server gives actions."""
 
     key: str = "actions"
     """Name of the chunk in a reply."""
@@ -85,7 +85,7 @@ class MessageFormat:
     gripper: Gripper = "open_is_one"
     """Meaning of the numbers of a gripper in states."""
     actions: ActionFormat = field(default_factory=ActionFormat)
-    """How they give actions."""
+    """Form of the actions."""
 
     def __post_init__(self) -> None:
         for key, parts in self.state.items():
@@ -137,7 +137,7 @@ class MessageFormat:
 
     @property
     def action_sizes(self) -> dict[str, int]:
-        """How many numbers each part of an action has, in the server's order."""
+        """Sizes of the parts of an action, in the server's order."""
         arm = action_modes.get(self.actions.mode).arm_size
         return {
             part: 1 if part.endswith("gripper") else arm for part in self.actions.order
@@ -145,14 +145,14 @@ class MessageFormat:
 
     @property
     def state_sizes(self) -> dict[str, int]:
-        """How many numbers each state has, by its key."""
+        """Sizes of states, by key."""
         return {
             key: sum(1 if part.endswith("gripper") else ARM_JOINTS for part in parts)
             for key, parts in self.state.items()
         }
 
     def chunk(self, actions: Any) -> Chunk:
-        """Actions of the server (H, n) as ours; an error if they are none of this format."""
+        """Convert a server's actions (H, n) to ours; an error if they do not have this format."""
         sizes = self.action_sizes
         if dimensions(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
             actions = actions[0]

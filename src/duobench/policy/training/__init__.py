@@ -1,1 +1,1 @@
-"""How policies are trained: the command of LeRobot's trainer, and the settings of each kind."""
+"""Training of policies: the command of LeRobot's trainer, and the settings of each kind."""

@@ -1,4 +1,4 @@
-"""How LeRobot trains each kind of policy: options, and whose choice each of them is."""
+"""LeRobot's training of each kind of policy: options, and the source of each choice."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ class Setting(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Recipe:
-    """How one kind of policy is trained."""
+class TrainingRecipe:
+    """Training options of one kind of policy."""
 
     settings: tuple[Setting, ...]
     """Options, in the order in which they are given."""
@@ -117,30 +117,30 @@ _GROOT = _settings(f"""
     batch_size=32 ours: for one card of 80 GB
 """)
 
-RECIPES: Mapping[str, Recipe] = {
-    "act": Recipe(
+RECIPES: Mapping[str, TrainingRecipe] = {
+    "act": TrainingRecipe(
         settings=_ACT + _AS_THE_AUTHORS,
         steps=_steps(150000, _AUTHORS),
         workers=14,
         one_task=True,
     ),
-    "pi05": Recipe(
+    "pi05": TrainingRecipe(
         settings=_PI05,
         steps=_steps(40000, _AUTHORS),
         workers=14,
     ),
-    "xvla": Recipe(
+    "xvla": TrainingRecipe(
         settings=_XVLA,
         steps=_steps(40000, _AUTHORS),
         workers=14,
         takes_domains=True,
     ),
-    "smolvla": Recipe(
+    "smolvla": TrainingRecipe(
         settings=_SMOLVLA,
         steps=_steps(20000, "ours: as the base's card says"),
         workers=14,
     ),
-    "groot": Recipe(
+    "groot": TrainingRecipe(
         settings=_GROOT,
         steps=_steps(20000, "ours: as in NVIDIA's LeRobot checkpoint of LIBERO"),
         workers=14,
@@ -149,8 +149,8 @@ RECIPES: Mapping[str, Recipe] = {
 """Recipes by the names of LeRobot's kinds of policies: of those that the paper has, with its
 settings and its authors'."""
 
-SMALL: Mapping[str, Recipe] = {
-    "act": Recipe(
+SMALL: Mapping[str, TrainingRecipe] = {
+    "act": TrainingRecipe(
         settings=_ACT + _CHUNK + _NO_BACKBONE + _SMALL_TRANSFORMER + _SMALL_ACT,
         steps=_steps(4000, "ours: about half an hour on two cores"),
         workers=1,
@@ -179,8 +179,8 @@ _DIFFUSION = _settings(f"""
     policy.prediction_type=sample ours: with noise 4,000 steps learned nothing
     policy.optimizer_lr=5e-4 ours: five times the default, for few steps
 """)
-OBJECT_STATES: Mapping[str, Recipe] = {
-    kind: Recipe(
+OBJECT_STATES: Mapping[str, TrainingRecipe] = {
+    kind: TrainingRecipe(
         settings=settings + _OBJECTS,
         steps=_steps(
             4000, "ours: half an hour on a busy core; the loss still falls a little"

@@ -44,8 +44,8 @@ from duobench.policy.training.recipes import (
     OBJECT_STATES,
     RECIPES,
     SMALL,
-    Recipe,
     Setting,
+    TrainingRecipe,
 )
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import POLICY_CAMERAS
@@ -235,7 +235,7 @@ def _recipe(
     kind: str,
     small: bool,
     source: LearningData,
-) -> Recipe:
+) -> TrainingRecipe:
     if source.holds_objects_alone:
         if kind in RECIPES and kind not in OBJECT_STATES:
             raise DataError(
@@ -278,7 +278,7 @@ def _tasks(
 
 def _domain_setting(
     kind: str,
-    recipe: Recipe,
+    recipe: TrainingRecipe,
     source: LearningData,
 ) -> Setting:
     """The option that tells a policy which episodes are simulated."""

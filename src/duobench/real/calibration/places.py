@@ -173,7 +173,7 @@ LARGEST_ERROR_MM = 5.0
     slots=True,
     eq=False,
 )
-class View:
+class BoardView:
     """An image of the board, and where the arm was."""
 
     image: Image
@@ -198,7 +198,7 @@ def flange_pose(side: Side, joints: Array) -> SE3:
 
 
 def calibrate_wrist(
-    views: Sequence[View], side: Side, board: Board, lens: CameraCalibration
+    views: Sequence[BoardView], side: Side, board: Board, lens: CameraCalibration
 ) -> Measured:
     """The place of a wrist camera in its flange.
 

@@ -15,7 +15,7 @@ from duobench.core import files
 from duobench.core.backend import Image
 from duobench.core.errors import CalibrationError, FileError
 from duobench.core.types import Array
-from duobench.real.calibration.places import View
+from duobench.real.calibration.places import BoardView
 
 VIEWS_SCHEMA = 1
 """Version of the file; raised when a field changes its meaning."""
@@ -97,7 +97,7 @@ class ViewFolder:
             raise CalibrationError(f"The images of {self.path} are of several sizes.")
         return images
 
-    def views(self) -> Sequence[View]:
+    def views(self) -> Sequence[BoardView]:
         """All images with the joints at which they were taken.
 
         Raises:
@@ -110,7 +110,7 @@ class ViewFolder:
                 raise CalibrationError(
                     f"{self.path / VIEWS_FILE} has to say the joints of the arm for every image."
                 )
-            views.append(View(image=image, joints=np.array(entry.joints)))
+            views.append(BoardView(image=image, joints=np.array(entry.joints)))
         return views
 
 

@@ -16,8 +16,8 @@ DOCTOR_FILE = "doctor.json"
 """Name of the file in a run's folder."""
 
 
-class Outcome(StrEnum):
-    """How a check ended."""
+class CheckOutcome(StrEnum):
+    """Outcome of a check."""
 
     OK = "ok"
     NOTE = "note"
@@ -48,7 +48,9 @@ class Outcome(StrEnum):
         advice: str = "",
     ) -> Check:
         """A check that went well, or ended like this with a piece of advice."""
-        return Outcome.OK.of(name, value) if is_well else self.of(name, value, advice)
+        return (
+            CheckOutcome.OK.of(name, value) if is_well else self.of(name, value, advice)
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -56,7 +58,7 @@ class Check:
     """Check of one thing."""
 
     name: str
-    outcome: Outcome
+    outcome: CheckOutcome
     value: str
     """Finding in words and numbers."""
     advice: str = ""
@@ -75,11 +77,11 @@ class Report:
     checks: tuple[Check, ...]
 
     def objection(self, rig_hash: str) -> str:
-        """Why it says nothing good about a rig; empty if all is well."""
+        """Reason why it does not clear a rig; empty if all is well."""
         if self.rig_hash != rig_hash:
             return f"looked at another rig, or at an earlier state of its file ({self.rig})"
         failed = [
-            check.name for check in self.checks if check.outcome is Outcome.FAILED
+            check.name for check in self.checks if check.outcome is CheckOutcome.FAILED
         ]
         return f"found what fails: {', '.join(failed)}" if failed else ""
 
@@ -92,7 +94,7 @@ def read_checks(folder: Path) -> Report | None:
 
 def is_well(checks: Iterable[Check]) -> bool:
     """Whether no check failed."""
-    return all(check.outcome is not Outcome.FAILED for check in checks)
+    return all(check.outcome is not CheckOutcome.FAILED for check in checks)
 
 
 def write_checks(

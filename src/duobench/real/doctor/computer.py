@@ -9,7 +9,7 @@ from pathlib import Path
 from duobench.core.machine import install_extra
 from duobench.core.versions import __version__
 from duobench.real.catalog import DRIVERS, is_computed
-from duobench.real.doctor.checks import Check, Outcome
+from duobench.real.doctor.checks import Check, CheckOutcome
 from duobench.real.rig import Rig
 
 PRIORITY = 80
@@ -59,8 +59,8 @@ def _needed(
     is_needed: bool, is_well: bool, name: str, value: str, advice: str
 ) -> Check:
     if is_needed or is_well:
-        return Outcome.FAILED.unless(is_well, name, value, advice)
-    return Outcome.SKIPPED.of(name, f"{value}; not needed by this rig")
+        return CheckOutcome.FAILED.unless(is_well, name, value, advice)
+    return CheckOutcome.SKIPPED.of(name, f"{value}; not needed by this rig")
 
 
 def _governor(is_needed: bool, sys: Path) -> Check:
@@ -70,17 +70,17 @@ def _governor(is_needed: bool, sys: Path) -> Check:
     )
     found = {file.read_text().strip() for file in sys.glob(pattern)}
     if not found:
-        return Outcome.SKIPPED.of(name, "not told by the kernel")
+        return CheckOutcome.SKIPPED.of(name, "not told by the kernel")
     is_well = found == {"performance"} or not is_needed
     advice = "Choose it: cpupower frequency-set -g performance"
-    return Outcome.NOTE.unless(
+    return CheckOutcome.NOTE.unless(
         is_well, name, f"governor {', '.join(sorted(found))}", advice
     )
 
 
 def _versions(rig: Rig) -> Iterator[Check]:
     python = platform.python_version()
-    yield Outcome.OK.of("version", f"duobench {__version__}, Python {python}")
+    yield CheckOutcome.OK.of("version", f"duobench {__version__}, Python {python}")
     wanted: set[str] = set()
     for part, _, device in rig.devices():
         driver = DRIVERS[part].get(device.driver)
@@ -90,7 +90,7 @@ def _versions(rig: Rig) -> Iterator[Check]:
         wanted.add(OPENCV)
     for name in sorted(wanted):
         try:
-            yield Outcome.OK.of(name, version(name))
+            yield CheckOutcome.OK.of(name, version(name))
         except PackageNotFoundError:
-            missing = Outcome.NOTE if name == OPENCV else Outcome.FAILED
+            missing = CheckOutcome.NOTE if name == OPENCV else CheckOutcome.FAILED
             yield missing.of(name, "not installed", install_extra("hardware"))

@@ -13,10 +13,10 @@ from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.real.canonical import CanonicalView
 from duobench.real.catalog import HARDWARE_GRIPPER, is_computed
 from duobench.real.devices import ArmReading
-from duobench.real.doctor.checks import Check, Outcome
+from duobench.real.doctor.checks import Check, CheckOutcome
 from duobench.real.doctor.computer import computer_checks
 from duobench.real.duo import FrankaDuo
-from duobench.real.mounts import CLEAR, SWAPPED, are_swapped, misfits
+from duobench.real.mounts import MAX_RATIO, SWAPPED, are_swapped, misfits
 from duobench.real.rig import CameraConfig, GripperConfig
 from duobench.world.robot.cameras import HEAD
 
@@ -27,7 +27,7 @@ LEAST_SUCCESS = 0.99
 LEAST_RATE = 0.95
 """Share of a camera's rate that has to come."""
 LONGEST_ANSWER_S = 0.02
-"""Longest median answer of a gripper; the timer of an adapter adds 16 ms if nobody stops it."""
+"""Longest median answer of a gripper; the timer of an adapter adds 16 ms unless turned off."""
 LEAST_COVERAGE = 0.98
 """Share of the canonical image that a camera should see."""
 
@@ -84,8 +84,8 @@ def examine(
     try:
         duo.start()
     except BackendError as error:
-        return (*checks, Outcome.FAILED.of("connection", str(error)))
-    checks.append(Outcome.OK.of("connection", "all devices answer"))
+        return (*checks, CheckOutcome.FAILED.of("connection", str(error)))
+    checks.append(CheckOutcome.OK.of("connection", "all devices answer"))
     measured = _Measurement(duo, seconds)
     checks += [*_arm_checks(measured), mount_check(duo.readings())]
     checks += [_gripper_check(duo, side) for side in SIDES]
@@ -101,17 +101,17 @@ def _arm_checks(measured: _Measurement) -> Iterator[Check]:
     is_confirmed = duo.supervisor.is_confirmed
     reason = measured.trouble or duo.held
     if reason is not None:
-        yield Outcome.FAILED.of("holding", reason)
+        yield CheckOutcome.FAILED.of("holding", reason)
     elif not is_confirmed:
-        yield Outcome.SKIPPED.of("holding", "the operator has not confirmed")
+        yield CheckOutcome.SKIPPED.of("holding", "the operator has not confirmed")
     elif measured.late:
         late = f"steps were late by {1000 * max(measured.late):.1f} ms at most"
-        yield Outcome.OK.of("holding", f"{seconds:.0f} s; {late}")
+        yield CheckOutcome.OK.of("holding", f"{seconds:.0f} s; {late}")
     name = "control commands in time"
     if not measured.rates:
-        yield Outcome.SKIPPED.of(name, "not told by these arms")
+        yield CheckOutcome.SKIPPED.of(name, "not told by these arms")
     elif not is_confirmed:
-        yield Outcome.SKIPPED.of(name, "only known while the arms hold")
+        yield CheckOutcome.SKIPPED.of(name, "only known while the arms hold")
     else:
         # The first ones are of the time before control.
         least = min(measured.rates[len(measured.rates) // 10 :])
@@ -120,22 +120,22 @@ def _arm_checks(measured: _Measurement) -> Iterator[Check]:
             "Look at the realtime kernel, at the network (one port and cable an arm, no switch), "
             "and move policies and images to another computer."
         )
-        yield Outcome.FAILED.unless(least >= LEAST_SUCCESS, name, value, advice)
+        yield CheckOutcome.FAILED.unless(least >= LEAST_SUCCESS, name, value, advice)
 
 
 def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     config, name = duo.rig.grippers[side], f"{side} gripper"
     reading = duo.grippers[side].read()
     if reading.fault is not None:
-        return Outcome.FAILED.of(name, reading.fault.text)
+        return CheckOutcome.FAILED.of(name, reading.fault.text)
     value = f"{'active' if reading.is_active else 'not active'}, opening {reading.opening:.2f}"
     if not reading.is_active:
-        return Outcome.FAILED.of(
+        return CheckOutcome.FAILED.of(
             name, value, "Activate it: duobench real grippers --activate"
         )
     answers = [float(each) for each in getattr(duo.grippers[side], "round_trips", ())]
     if not answers:
-        return Outcome.OK.of(name, value)
+        return CheckOutcome.OK.of(name, value)
     typical = median(answers)
     value += (
         f", answers in {1000 * typical:.1f} ms ({1000 * max(answers):.1f} ms at most)"
@@ -144,13 +144,13 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
         advice = (
             "Set the latency timer of its adapter to 1 ms (see the page real_setup)."
         )
-        return Outcome.FAILED.of(name, value, advice)
+        return CheckOutcome.FAILED.of(name, value, advice)
     ends, usual = (
         (each.open_count, each.closed_count) for each in (config, GripperConfig())
     )
     is_measured = config.driver != HARDWARE_GRIPPER or ends != usual
     advice = f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
-    return Outcome.NOTE.unless(is_measured, name, value, advice)
+    return CheckOutcome.NOTE.unless(is_measured, name, value, advice)
 
 
 def _camera_checks(
@@ -159,7 +159,7 @@ def _camera_checks(
     camera, frames = measured.duo.cameras[name], measured.frames[name]
     title = f"{name} camera"
     if camera.fault is not None:
-        yield Outcome.FAILED.of(title, camera.fault.text)
+        yield CheckOutcome.FAILED.of(title, camera.fault.text)
         return
     rate = len(frames) / measured.seconds if measured.seconds > 0.0 else 0.0
     lost = frames[-1] - frames[0] + 1 - len(frames) if frames else 0
@@ -176,7 +176,7 @@ def _camera_checks(
     is_rare = config.fps * MAX_IMAGE_AGE_SECONDS < 1.0
     if is_rare:
         advice = f"Arms rest where an image is older than {MAX_IMAGE_AGE_SECONDS:g} s: raise fps."
-    yield Outcome.FAILED.unless(
+    yield CheckOutcome.FAILED.unless(
         not (is_slow or is_old or is_rare), title, value, advice
     )
     if is_computed("cameras", config.driver):
@@ -184,12 +184,12 @@ def _camera_checks(
     if config.exposure_us is None:
         value = "chosen by the camera, which varies it"
         advice = "Lock exposure_us and gain in the rig's file."
-        yield Outcome.NOTE.of(f"{title}'s exposure", value, advice)
+        yield CheckOutcome.NOTE.of(f"{title}'s exposure", value, advice)
     title = f"{title}'s calibration"
     calibration = config.calibration
     if calibration is None:
         value = "none; its images are not remapped"
-        yield Outcome.NOTE.of(
+        yield CheckOutcome.NOTE.of(
             title, value, "To calibrate it, see the page real_cameras."
         )
         return
@@ -198,7 +198,7 @@ def _camera_checks(
         f"{calibration.date or 'no date'}, {calibration.error_px or 0:.2f} px; it sees "
         f"{coverage:.1%} of the simulation's image"
     )
-    yield Outcome.NOTE.unless(coverage >= LEAST_COVERAGE, title, value)
+    yield CheckOutcome.NOTE.unless(coverage >= LEAST_COVERAGE, title, value)
 
 
 # --- the place of the head camera ----------------------------------------------------------------
@@ -217,7 +217,7 @@ images: 0.4 in the median; 0.16 at most between images of noise]."""
 
 
 def shift_between(image: Image, reference: Image) -> tuple[float, float] | None:
-    """How far right and down in pixels an image's content is from that of one of the same size.
+    """Shift right and down in pixels of an image's content from one of the same size.
 
     None where too little of both is alike.
     """
@@ -245,27 +245,27 @@ def shift_between(image: Image, reference: Image) -> tuple[float, float] | None:
 def _drift_check(duo: FrankaDuo, reference: Image | None) -> Check:
     name = "head camera's place"
     if reference is None:
-        return Outcome.SKIPPED.of(name, "no reference was stored")
+        return CheckOutcome.SKIPPED.of(name, "no reference was stored")
     if HEAD not in duo.frames():
-        return Outcome.FAILED.of(name, "it gives no image")
+        return CheckOutcome.FAILED.of(name, "it gives no image")
     image = duo.images([HEAD], (reference.shape[0], reference.shape[1]))[HEAD]
     try:
         shift = shift_between(image, reference)
     except ImportError:
-        return Outcome.NOTE.of(
+        return CheckOutcome.NOTE.of(
             name, "OpenCV is not installed", install_extra("hardware")
         )
     if shift is None:
         value = "too little is as it was when the reference was stored"
-        return Outcome.NOTE.of(
+        return CheckOutcome.NOTE.of(
             name, value, "Clear the table, bring the arms home, and look again."
         )
     pixels = float(np.hypot(*shift))
     value = f"{pixels:.1f} px from the reference ({shift[0]:+.1f}, {shift[1]:+.1f})"
     if pixels > LARGEST_SHIFT_PX:
         advice = "The camera was moved: move it back, or calibrate it again."
-        return Outcome.FAILED.of(name, value, advice)
-    return Outcome.NOTE.unless(pixels <= NOTED_SHIFT_PX, name, value)
+        return CheckOutcome.FAILED.of(name, value, advice)
+    return CheckOutcome.NOTE.unless(pixels <= NOTED_SHIFT_PX, name, value)
 
 
 # --- left and right ------------------------------------------------------------------------------
@@ -276,16 +276,18 @@ def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
     name = "left and right arm"
     found = misfits(readings)
     if found is None:
-        return Outcome.SKIPPED.of(name, "the arms feel no torques")
+        return CheckOutcome.SKIPPED.of(name, "the arms feel no torques")
     own, other = found
     value = ", ".join(
         f"{side}: {own[side.index]:.1f} N·m off as {side}, {other[side.index]:.1f} as {side.other}"
         for side in SIDES
     )
     if are_swapped(readings):
-        return Outcome.FAILED.of(name, value, SWAPPED)
+        return CheckOutcome.FAILED.of(name, value, SWAPPED)
     advice = (
         "Torques fit neither mount well: look at the mass of the tool that the control box knows, "
         "and at whether something touches an arm."
     )
-    return Outcome.NOTE.unless(bool(np.all(own <= CLEAR * other)), name, value, advice)
+    return CheckOutcome.NOTE.unless(
+        bool(np.all(own <= MAX_RATIO * other)), name, value, advice
+    )

@@ -66,7 +66,7 @@ class LatestFrame(ABC):
         return self._frame
 
     def listen(self, call: Callable[[Frame], None] | None) -> None:
-        """Have every frame from now on given to a call, in the camera's thread; None ends it."""
+        """Give every frame from now on to a call, in the camera's thread; None ends it."""
         self._call = call
 
     @property
@@ -84,7 +84,7 @@ class LatestFrame(ABC):
         )
 
     def begin(self) -> None:
-        """Have a missing frame be a fault from now on, and forget earlier ones."""
+        """Treat a missing frame as a fault from now on, and forget earlier ones."""
         self._frame, self.trouble = None, ""
         self._connected_at = self.clock.now()
 
@@ -123,7 +123,7 @@ class TickedCamera(LatestFrame):
 
     @abstractmethod
     def _image(self, index: int) -> Image | None:
-        """The next image, of a number; None where it is lost, BackendError where there is none."""
+        """Take the image of a number; None if it is lost. Raises BackendError without a camera."""
 
     def connect(self) -> None:
         """Begin to take images; the first one decides whether they are as the rig says."""

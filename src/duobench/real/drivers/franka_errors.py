@@ -75,7 +75,7 @@ def errors_in(errors: Any) -> tuple[str, ...]:
 
 
 def fault_of_errors(names: Iterable[str], mode: str = "") -> Fault | None:
-    """The fault that errors and the mode of an arm are; None where there is none.
+    """Fault for the errors and the mode of an arm; None without a fault.
 
     An error that is not in the table is a limit, about which the operator is asked.
     """

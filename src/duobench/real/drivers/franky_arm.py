@@ -27,7 +27,7 @@ from duobench.real.rig import ArmConfig
 from duobench.results.labels import Fault
 
 READ_HZ = 200.0
-"""How often a second an arm is asked how it is."""
+"""Queries of an arm's state a second."""
 START_S = 2.0
 """Seconds in which an arm has to begin to track."""
 TORQUE_CHANGE = 2.0
@@ -228,7 +228,7 @@ class FrankyArm:
         return is_running
 
     def _note(self, error: BaseException) -> None:
-        """Keep the first thing that went wrong, until somebody recovers the arm."""
+        """Keep the first fault until the arm is recovered."""
         if self._fault is None:
             franky = self._known()
             lost = (

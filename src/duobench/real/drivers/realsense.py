@@ -24,7 +24,7 @@ RECORDINGS = frozenset({".db3", ".bag"})
 HANG_S = 4.0
 """Seconds without a first image after which a camera is taken to hang."""
 ATTEMPTS = 3
-"""How often a camera is started; before the last time it is reset."""
+"""Attempts to start a camera; before the last one it is reset."""
 RESET_S = 15.0
 """Seconds in which a camera that was reset has to be back."""
 WAIT_S = 0.5

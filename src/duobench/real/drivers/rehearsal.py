@@ -104,7 +104,7 @@ class RehearsalPort:
         return True
 
     def open(self) -> bool:
-        """Have the world's time pass."""
+        """Advance the world's time."""
         self._world.enter(self)
         return True
 
@@ -248,7 +248,7 @@ class RehearsalCamera(TickedCamera):
         super().close()
         self._views.remove(self.name)
 
-    def _image(self, index: int) -> Image:  # noqa: ARG002 - whatever its number
+    def _image(self, index: int) -> Image:  # noqa: ARG002 - the number does not matter
         return self._views.image(self.name)
 
 

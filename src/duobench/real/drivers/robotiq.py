@@ -42,7 +42,7 @@ ACTIVATION_S = 15.0
 REST_S = 0.7
 """Seconds without movement after which it is at an end."""
 TRIES = 3
-"""How often a gripper is asked whether it is there."""
+"""Attempts to find a gripper."""
 _FAULTS = {
     0x08: "it is too hot and has to cool down",
     0x0A: "its supply voltage is too low",
@@ -65,7 +65,7 @@ class Status:
     contact: int
     """gOBJ: 0 moving, 1 stopped at something while opening, 2 while closing, 3 at its goal."""
     fault: int
-    """gFLT: 0 is none."""
+    """Fault code gFLT; 0 without a fault."""
     position: int
     """Counts, 0 open to 255 closed."""
 
@@ -94,19 +94,19 @@ class RegisterPort(Protocol):
         ...
 
     def open(self) -> bool:
-        """Try to open it; whether it is open now."""
+        """Try to open the port; return whether it is open."""
         ...
 
     def write(self, values: Sequence[int]) -> bool:
-        """Write the registers of the command; whether that was answered."""
+        """Write the registers of the command; return whether the gripper acknowledged them."""
         ...
 
     def read(self) -> list[int] | None:
-        """The registers of the status; None without an answer."""
+        """Read the registers of the status; None if the gripper does not respond."""
         ...
 
     def close(self) -> None:
-        """Let go of it; twice is harmless."""
+        """Close the port; closing twice is harmless."""
 
 
 class SerialPort:
@@ -133,7 +133,7 @@ class SerialPort:
 
     @property
     def is_open(self) -> bool:
-        """Whether the port is there."""
+        """Whether the port is open."""
         return bool(self.client.connected)
 
     def open(self) -> bool:
@@ -230,7 +230,7 @@ class RobotiqGripper:
     def activate(self) -> None:
         """Move the fingers through their whole range, unless it is active and well already.
 
-        Only on a person's word: whatever is between the fingers is squeezed.
+        Only with a person's consent: anything between the fingers is squeezed.
         """
         reading = self.read()
         if reading.is_active and reading.fault is None:
@@ -418,7 +418,7 @@ def _end(
 
 
 def _why(port: str) -> str:
-    """Why a port cannot be opened, in a sentence."""
+    """Reason why a port cannot be opened, in a sentence."""
     try:
         with open(port, "r+b", buffering=0):  # noqa: PTH123 - a device
             return "another program uses it."

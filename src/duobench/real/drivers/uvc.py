@@ -92,9 +92,9 @@ class UvcCamera(ThreadedCamera):
 
 
 class FileCamera(TickedCamera):
-    """A film, an image, or what FFmpeg generates, played again and again at the camera's rate.
+    """Camera that loops a video, an image or a generated FFmpeg source at its rate.
 
-    `config.device` is its file, or begins with `lavfi:`.
+    `config.device` is the file, or begins with `lavfi:`.
     """
 
     def __init__(
@@ -107,12 +107,12 @@ class FileCamera(TickedCamera):
         self._images = self._play()
 
     def close(self) -> None:
-        """Close the film; closing twice is harmless."""
+        """Close the file; closing twice is harmless."""
         super().close()
         self._images.close()
         self._images = self._play()
 
-    def _image(self, index: int) -> Image:  # noqa: ARG002 - a film has an order of its own
+    def _image(self, index: int) -> Image:  # noqa: ARG002 - a file has an order of its own
         try:
             return next(self._images)
         except BackendError:
@@ -120,18 +120,18 @@ class FileCamera(TickedCamera):
             raise
 
     def _play(self) -> Generator[Image, None, None]:
-        """All images, again and again; one that is alone is decoded once."""
-        device, is_side_by_side = self.config.device, self.config.is_side_by_side
+        """Yield all images in a loop; a single image is decoded once."""
+        device = self.config.device
+        is_side_by_side = self.config.is_side_by_side
         kind = "lavfi" if device.startswith(GENERATED) else None
         while True:
-            image, count = None, 0
+            image = None
+            count = 0
             with opened(self.name, device.removeprefix(GENERATED), kind) as container:
                 try:
                     for frame in container.decode(video=0):
-                        image, count = (
-                            pixels(frame, is_side_by_side=is_side_by_side),
-                            count + 1,
-                        )
+                        image = pixels(frame, is_side_by_side=is_side_by_side)
+                        count += 1
                         yield image
                 except FFmpegError as error:
                     raise BackendError(

@@ -94,7 +94,7 @@ class Film:
             self._add(step.number // FILM_EVERY)
 
     def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - what there was is shown
-        """Finish the film, whatever the end was."""
+        """Finish the film, however the episode ended."""
         if self._thread.is_alive():
             self._frames.put(None)
             self._thread.join()
@@ -146,7 +146,7 @@ class Film:
 class CameraFeed:
     """Shows a page the newest image of each camera, as it came from it, and how old it is.
 
-    Only where somebody looks, and also while the loop that leads the arms waits for the operator. A
+    Only with a visitor, and also while the loop that leads the arms waits for the operator. A
     camera that gives nothing new costs nothing, and the page says how old its image is. The rig may
     be connected later.
     """

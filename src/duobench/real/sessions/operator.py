@@ -49,11 +49,11 @@ class Operator(Protocol):
         """Show some lines."""
 
     def ask(self, text: str, keys: str) -> str:
-        """Ask for one of some keys, and wait for it; `QUIT` if nobody can answer any more."""
+        """Ask for one of some keys, and wait for it; `QUIT` once the operator is gone."""
         ...
 
     def listen(self, call: KeyCall | None) -> KeyCall | None:
-        """Have every key given to a call at once, from any thread; None ends it.
+        """Give every key to a call at once, from any thread; None ends it.
 
         One who has gone gives an empty text.
 
@@ -65,7 +65,7 @@ class Operator(Protocol):
 
 @contextmanager
 def listening(operator: Operator, call: KeyCall) -> Iterator[None]:
-    """Have keys given to a call in the block, and to the one before again after it."""
+    """Give keys to a call in the block, and afterwards to the previous one again."""
     before = operator.listen(call)
     try:
         yield
@@ -74,7 +74,7 @@ def listening(operator: Operator, call: KeyCall) -> Iterator[None]:
 
 
 def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
-    """Have set right what keeps the arms from going home; False if the operator ends it instead.
+    """Let the operator clear the way home; False if the operator ends the session instead.
 
     That is a fault, a gripper that is not active, and what the hands hold. Who has looked presses a
     key for each; any that counts at once holds the fingers.
@@ -111,7 +111,7 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
 
 
 def hold_by_key(duo: FrankaDuo, key: str) -> bool:
-    """Hold both arms where a key says so, or nobody is there any more; whether it did."""
+    """Hold both arms if a key says so or the operator is gone; return whether it did."""
     if key not in {"", " "}:
         return False
     duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)

@@ -44,11 +44,13 @@ _NEAREST_M = 0.05
 def project(points: Array, table_from_camera: SE3 = CAMERAS[HEAD].pose) -> Array:
     """Project points (n, 3) of the table frame, in metres, into a native image of the head camera.
 
-    The pose of the camera is that with MuJoCo's axes.
+    Args:
+        points: The points.
+        table_from_camera: Pose of the camera, with MuJoCo's axes.
 
     Returns:
-        Pixels (n, 2) across and down, the middle of the top left one is (0, 0); NaN for points
-        behind the camera.
+        Pixels (n, 2) across and down, where the middle of the top left one is (0, 0); NaN for
+        points behind the camera.
     """
     camera = (table_from_camera @ MUJOCO_FROM_OPENCV).inverse().apply(points)
     depth = np.where(camera[:, 2:] > _NEAREST_M, camera[:, 2:], np.nan)
@@ -59,7 +61,7 @@ def project(points: Array, table_from_camera: SE3 = CAMERAS[HEAD].pose) -> Array
 class Overlay:
     """Layouts of a task, and images of them from the head camera of a rig.
 
-    It compiles the task's model, and needs no OpenGL before the first image.
+    It compiles the task's model; OpenGL is not needed before the first image.
     """
 
     def __init__(self, task: Task, rig: Rig) -> None:
@@ -73,14 +75,14 @@ class Overlay:
         camera.quat[:] = self.table_from_head.wxyz
 
     def layout(self, seed: int, split: str) -> Layout:
-        """The layout of a seed, the same that the simulated environment begins with."""
+        """Sample the layout of a seed, as the simulated environment does."""
         sampled = first_valid(
             self._simulation, self.task.layouts(seed, split), self.task.id
         )
         return Layout.from_json(sampled.to_json())
 
     def images(self, layout: Layout, joints: Array) -> dict[str, bytes]:
-        """Render the overlays for measured joints (2, 7); none where nothing renders.
+        """Render the overlays for measured joints (2, 7); empty if images cannot be rendered.
 
         Returns:
             "layout", the whole scene as the head camera would see it, as JPEG; and "ghost", the
@@ -100,7 +102,7 @@ class Overlay:
             image = self._renderer.render(simulation.data, HEAD)
             seen = self._renderer.segment(simulation.data, HEAD)
         except RenderingError:
-            return {}  # outlines and numbers are there without
+            return {}  # the page shows outlines and numbers alone
         alpha = np.isin(seen, self._robot_geoms()) * round(255 * GHOST_OPACITY)
         return {
             "layout": jpeg(image),
@@ -108,7 +110,7 @@ class Overlay:
         }
 
     def close(self) -> None:
-        """Free what images need."""
+        """Free the renderer."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -121,7 +123,7 @@ class Overlay:
 
 
 def head_pose(rig: Rig) -> SE3:
-    """Pose of a rig's head camera in the table frame, with MuJoCo's axes, if need be nominal."""
+    """Pose of a rig's head camera in the table frame, MuJoCo's axes; nominal if uncalibrated."""
     camera = rig.cameras.get(HEAD)
     if camera is None or camera.calibration is None:
         return CAMERAS[HEAD].pose

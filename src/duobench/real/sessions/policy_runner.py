@@ -119,7 +119,7 @@ class PlayedEpisode:
 
     steps: int
     stopped: str = ""
-    """Why the arms ended it; empty if they did not."""
+    """Reason why the arms ended it; empty if they did not."""
     fault: FaultKind | None = None
     """Kind of that fault, if it was one."""
     error: PolicyError | None = None
@@ -127,13 +127,13 @@ class PlayedEpisode:
     failure: DuoBenchError | None = None
     """Error that is no fault of the policy, so that the episode does not count."""
     waits: int = 0
-    """How often the arms rested until an image came that was late."""
+    """Number of times that the arms rested for a late image."""
     ended_by_success: bool = False
     """Whether the press of the last stage ended it."""
 
     @property
     def invalid(self) -> str:
-        """Why it cannot count, whatever a person says; empty if it can."""
+        """Reason why it cannot count, however it is judged; empty if it can."""
         if self.failure is not None and not self.reasons:
             return f"{type(self.failure).__name__}: {self.failure}"
         is_cable = self.fault is FaultKind.COMMUNICATION and not self.ended_by_success
@@ -150,7 +150,7 @@ class PlayedEpisode:
 
     @property
     def ending(self) -> str:
-        """Why the policy plays no more, for the operator; empty if there is nothing to say."""
+        """Reason why the policy stopped, for the operator; may be empty."""
         if self.error is not None:
             return f"The policy failed: {str(self.error).strip().splitlines()[-1]}"
         if self.fault is None or self.ended_by_success:

@@ -1,4 +1,4 @@
-"""Recording what a policy does on a rig, with an operator at a terminal: episodes nobody judges.
+"""Recording of a policy on a rig, with an operator at a terminal: episodes are not judged.
 
 Nothing moves without a key. A recorded episode is a policy too: what was sent to the arms then is
 sent again, more slowly.
@@ -175,7 +175,7 @@ class RigRecording(RigSession):
         return self.kept
 
     def close(self) -> None:
-        """End the session: the arms stop, and an episode nobody decided about says so."""
+        """End the session: the arms stop, and an undecided episode says so."""
         try:
             self._runner.env.close()
         finally:
@@ -183,7 +183,7 @@ class RigRecording(RigSession):
             self._source.close()
 
     def keep_placed(self) -> None:
-        """Have the objects of a rehearsal placed."""
+        """Place the objects of a rehearsal."""
         self.duo.place(self.env.base.definition, self._layout)
 
     def _record_one(self) -> None:

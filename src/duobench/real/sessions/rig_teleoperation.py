@@ -28,7 +28,7 @@ from duobench.real.sessions.operator import QUIT, Operator, ask_to_make_ready
 from duobench.real.sessions.policy_runner import make_rig_recorder
 from duobench.real.sessions.session import CONNECTION_LOST, STOPPED, TAKEN_OVER
 from duobench.tasks.task import Task
-from duobench.teleop.intent import Device
+from duobench.teleop.intent import TeleopDevice
 from duobench.teleop.messages import Discard, Hands, Keep
 from duobench.teleop.teleop_page import TeleopPage
 from duobench.teleop.teleoperation import TIME_LIMIT_S, Teleoperation, TeleopState
@@ -86,7 +86,7 @@ class RigTeleoperation(Teleoperation):
     keeps = (TeleopState.RECORDING, *Teleoperation.keeps)
 
     def __init__(
-        self, env: Recorder, device: Device, operator: Operator, **options: Any
+        self, env: Recorder, device: TeleopDevice, operator: Operator, **options: Any
     ) -> None:
         self._operator, self._is_stopped = operator, False
         self.on_homing: Callable[[], object] = lambda: None
@@ -101,7 +101,7 @@ class RigTeleoperation(Teleoperation):
         self._real.rig.hold(STOPPED)
 
     def advance(self, now_s: float) -> bool:
-        """As in simulation; arms that were held before an episode begins go home again."""
+        """Advance as in simulation; arms that were held before an episode begins go home again."""
         held = None if self._is_stopped else self._real.rig.held
         if held is not None and self._state is TeleopState.WAITING:
             self._operator.say(held)

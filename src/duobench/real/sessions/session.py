@@ -103,9 +103,9 @@ class RigSession:
         self.note = ""
         """The operator's remark about the episode."""
         self.at_end: bool | None = None
-        """Whether the last stage still held at the end; None if nobody said."""
+        """Whether the last stage still held at the end; None if it was not judged."""
         self.lost = ""
-        """Why nobody was at the arms while they might move; empty if somebody was."""
+        """Reason why the operator was absent while arms might move; empty if present."""
         self.is_home = False
         """Whether the operator has sent the arms home for this episode."""
         self.reasons: tuple[str, ...] = ()
@@ -177,7 +177,7 @@ class RigSession:
         return True
 
     def write(self, kind: LogKind, **more: Any) -> None:
-        """Write down what happens, before anybody sees its effect; see `LogEntry`."""
+        """Log an event before its effect is shown; see `LogEntry`."""
 
     def _write_label(self, label: StageLabel) -> None:
         about = {"stage": label.stage, "step": label.step, "time_s": label.time_s}
@@ -217,10 +217,10 @@ class RigSession:
                     self._handle(other)
 
     def keep_placed(self) -> None:
-        """The operator says that the objects lie where they shall; in a rehearsal they do now.
+        """Take the operator's word that the objects are placed; in a rehearsal, place them.
 
         Raises:
-            BackendError: They cannot lie there.
+            BackendError: The objects cannot be placed like this.
         """
 
     def play(
@@ -230,7 +230,7 @@ class RigSession:
         options: dict[str, Any],
         *watchers: Watcher,
     ) -> PlayedEpisode:
-        """Have a policy play; the arms are held afterwards."""
+        """Let a policy play; the arms are held afterwards."""
         self.write(LogKind.START)
         self.phase, self.message, self.lost = Phase.MOVING, "", ""
         self.view.publish()
@@ -263,8 +263,9 @@ class RigSession:
         observation: Observation,  # noqa: ARG002 - the protocol's signature
         info: Info,  # noqa: ARG002
     ) -> None:
-        """The arms are at home, and the policy begins."""
-        self.phase, self.waits = Phase.PLAYING, False
+        """Show that the policy begins; the arms are at home."""
+        self.phase = Phase.PLAYING
+        self.waits = False
         self.view.publish()
 
     def on_step(self, step: Step) -> None:  # noqa: ARG002 - the protocol's signature
@@ -303,7 +304,7 @@ class RigSession:
                     pass
 
     def objection(self, played: PlayedEpisode) -> str:
-        """Why an episode cannot count as it was judged, for the operator; empty if it can."""
+        """Reason why an episode cannot count as judged, for the operator; empty if it can."""
         if played.reasons:
             return NEVER_COUNTS
         is_solved = self.judge.labels.stage == self.judge.max_stage
@@ -334,7 +335,7 @@ class RigSession:
         self.is_home = self._move(home, "The arms are at home.")
 
     def _move(self, act: Callable[[], None], done: str) -> bool:
-        """Have arms or fingers moved while objects are placed; whether it was done."""
+        """Move arms or fingers while objects are placed; return whether it was done."""
         before, self.phase = self.phase, Phase.MOVING
         self.view.publish()
         with self.view.moving():

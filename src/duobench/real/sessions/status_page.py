@@ -42,7 +42,7 @@ WATCHING = "You watch: take over to operate the arms."
 
 
 class StatusPage:
-    """The view of a session on a page; it keeps what it shows for whoever opens it later.
+    """The view of a session on a page; it keeps what it shows for later visitors.
 
     Args:
         session: The session, which takes its operator's word here from now on.
@@ -178,7 +178,7 @@ class StatusPage:
             self.publish()
 
     def _look(self) -> None:
-        """Hold where nobody is at the page; the watch asks it while anything moves."""
+        """Hold the arms without a visitor at the page; the watch calls it while anything moves."""
         silent = time.monotonic() - self._heard
         if silent > self._silence:
             self._session.lose(f"The operator's page gave no sign for {silent:.1f} s.")

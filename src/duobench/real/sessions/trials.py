@@ -67,7 +67,7 @@ class TrialsSession(RigSession):
         duo: The arms; they are started, and belong to the caller.
         task: What is to be done.
         policies: Of each policy its name, as `find_rig_policy` takes it, and what it was trained
-            on: "sim", "real", "mixed", or "" if nobody said.
+            on: "sim", "real", "mixed", or "" if unknown.
         server: The operator's page.
         ending: Frees policies, renderer and log when it ends.
         rater: Who judges in this session, by a pseudonym; empty is who began the evaluation.
@@ -153,7 +153,7 @@ class TrialsSession(RigSession):
         self.view = self._page = StatusPage(self, server, self._overlay, silence_s)
 
     def run(self) -> bool:
-        """Play what is missing; whether nothing is missing at the end."""
+        """Play the missing trials; return whether the plan is complete."""
         try:
             for trial in self._folder.remaining(self._plan, self._progress):
                 while not self._play_once(trial):
@@ -199,7 +199,7 @@ class TrialsSession(RigSession):
             write(self._folder.placed(self._trial.number, self._attempt), jpeg(image))
 
     def objection(self, played: PlayedEpisode) -> str:
-        """Why a trial cannot count as it was judged; whether a success held is to be said first."""
+        """Reason why a trial cannot count as judged; first of all whether a success held."""
         is_solved = self.judge.labels.stage == self.judge.max_stage
         unsaid = ASK_AT_END if is_solved and self.at_end is None else ""
         return super().objection(played) or unsaid

@@ -39,7 +39,7 @@ TRIALS_BEGINNINGS = (
 """Files that an evaluation begins with; without a trial they are worth nothing."""
 REMOVED = "It counted, and its record was removed: somebody had it played again."
 CUT = "The program ended during the trial."
-"""Why a trial is invalid whose process was killed."""
+"""Reason why a trial is invalid whose process was killed."""
 
 
 class LogKind(StrEnum):
@@ -73,7 +73,7 @@ class LogEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     kind: LogKind
     trial: int
     attempt: int
-    """How often the trial was tried with this one, from 1 on."""
+    """Number of the attempt at the trial, from 1 on."""
     text: str = ""
     """Reason of an end, a hold or an invalid trial; a note; what plays."""
     stage: int | None = None
@@ -93,12 +93,12 @@ class LogEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 @dataclass(kw_only=True, slots=True)
 class TrialsProgress:
-    """How far an evaluation is, by its log."""
+    """Progress of an evaluation, by its log."""
 
     valid: dict[int, int] = field(default_factory=dict[int, int])
     """Attempt that counts, by the trial's number."""
     attempts: dict[int, int] = field(default_factory=dict[int, int])
-    """How often a trial was begun, by its number."""
+    """Attempts at each trial, by its number."""
     invalid: dict[int, list[InvalidTrial]] = field(
         default_factory=dict[int, list[InvalidTrial]]
     )

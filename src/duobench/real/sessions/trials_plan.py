@@ -85,7 +85,7 @@ class TrialsPlan:
         return ascii_uppercase[policy]
 
     def shown_name(self, policy: int) -> str:
-        """How the page calls a policy while trials are played: not at all in a blind evaluation.
+        """Name of a policy on the page during trials; none in a blind evaluation.
 
         A letter would hide the name, and show which trials are of the same policy.
         """

@@ -31,10 +31,10 @@ class PolicyResult:
     trained_on: str
     score: Score
     stops: str
-    """Which sorts of fault ended its episodes, and how many each."""
+    """Number of its episodes that each kind of fault ended."""
 
     def row(self) -> dict[str, Any]:
-        """As JSON data, for the operator's page."""
+        """Return JSON data for the operator's page."""
         about = {
             "letter": self.letter,
             "policy": self.policy,
@@ -52,9 +52,9 @@ class InvalidRow:
     chosen: int
     """Trials that the operator called invalid after the outcome; the others could not count."""
     stages: tuple[int, ...]
-    """How many had reached each stage, from 0 on."""
+    """Number that reached each stage, from 0 on."""
     stops: str
-    """Which sorts of fault stopped the arms, and how many each."""
+    """Number of stops by each kind of fault."""
 
 
 def invalid_rows(plan: TrialsPlan, progress: TrialsProgress) -> tuple[InvalidRow, ...]:
@@ -85,7 +85,7 @@ class TrialsReport:
     policies: tuple[PolicyResult, ...]
     """Results of the policies, letter by letter."""
     invalid: tuple[tuple[str, int], ...]
-    """Why trials were invalid, and how many each."""
+    """Number of invalid trials by reason."""
     invalid_by_policy: tuple[InvalidRow, ...]
     """The same policy by policy; empty while names are hidden, and where none is invalid."""
     missing: int

@@ -1,4 +1,4 @@
-"""How experts hand a bar over: one arm holds it by one end, the other takes the free end.
+"""Handover of a bar by experts: one arm holds it by one end, the other takes the free end.
 
 The bar's long axis is the x axis of its body. While it is handed over, the bar and both tools lie
 in one upright plane across the table, so that both grippers clasp the same two faces of the bar.
@@ -30,10 +30,10 @@ from duobench.world.robot.frames import SHOULDERS
 _FIRM_GRIP_STEPS = 4
 """Control steps in which both arms hold the bar before one lets go."""
 _ALONG = 0.10
-"""From how far, in metres, a tool comes along its axis to the bar, and how far it retreats."""
+"""Distance in metres from which a tool approaches the bar along its axis, and of its retreat."""
 _UPRIGHT_SINE = 1e-6
 _LIFT = 0.10
-"""How far the giver lifts, in metres."""
+"""Height in metres to which the giver lifts."""
 _OUTWARDS = math.radians(15)
 """Turn in radians of the giver's camera from the arm's own direction, away from the other arm,
 about which every yaw of a lying bar is reached without the last joint's stop."""

@@ -96,7 +96,7 @@ class Arms:
         return self.sim.site_pose(tcp_name(side))
 
     def opening(self, side: Side) -> float:
-        """How far a gripper really is open, 0 to 1."""
+        """Measured opening of a gripper, 0 to 1."""
         return float(self.sim.duo.read().openings[side.index])
 
     def grasps(self, side: Side, body: str) -> bool:

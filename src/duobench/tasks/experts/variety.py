@@ -126,7 +126,7 @@ class VarietySample:
 
         Args:
             way: From start to goal (3,), in metres.
-            freedom: That of the motion.
+            freedom: Freedom of the motion, 0 to 1.
 
         Returns:
             Shift (3,) in metres, at right angles to the way.
@@ -166,7 +166,7 @@ class VarietySample:
         """Noise (2, 7) of the next executed joint targets in radians (Ornstein-Uhlenbeck process).
 
         Args:
-            freedom: That of each arm (2,) at this moment.
+            freedom: Freedom of each arm (2,) at this moment, 0 to 1.
         """
         kept = math.exp(-1.0 / (NOISE_SECONDS * CONTROL_HZ))
         fresh = self.variety.noise * self._noise_rng.normal(size=self._noise.shape)

@@ -1,4 +1,4 @@
-"""How far each level of each axis goes. A change is another version of the suite `robust`.
+"""Bounds of each level of each axis. A change is another version of the suite `robust`.
 
 Levels of layout, physics and latency are those at which scripted experts still solve the tasks; see
 the page robustness. An entry 0 of each row is no shift.
@@ -50,8 +50,7 @@ LOWERED: Mapping[str, Mapping[str, int]] = {
     LAYOUT: {"hinge_chest": 4, "spring_door": 4},
     LATENCY: {"ball_maze": 3},
 }
-"""By axis and task, the highest level whose bounds a task has, where its expert fails beyond;
-higher levels are as that one."""
+"""Highest level by axis and task beyond which the expert fails; higher levels have its bounds."""
 
 
 def level_for(

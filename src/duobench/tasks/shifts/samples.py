@@ -27,7 +27,7 @@ from duobench.world.looks.look import CameraOffset, Look, Material
 from duobench.world.robot.cameras import CAMERAS
 
 _LIGHT, _COLOURS, _TEXTURES, _BACKGROUND, _OBJECTS = range(1, 6)
-"""From which level on a random look has what."""
+"""Levels from which a random look changes each of these."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,7 +54,7 @@ class EpisodeKey:
     seed: int
     """Seed of the layout."""
     split: str
-    """Which layouts it is one of."""
+    """Split of its layouts."""
 
     def generator(self, axis: str) -> np.random.Generator:
         """Numbers for an axis, unrelated to those of others and to the layout's."""
@@ -66,7 +66,7 @@ def shifted_look(
     key: EpisodeKey,
     usual: Look,
 ) -> Look:
-    """How images of an episode look: light, colours, textures, background, cameras, noise."""
+    """Look of an episode's images: light, colours, textures, background, cameras, noise."""
     look = usual
     level = level_for(shift, LOOK, key.task)
     if level:
@@ -141,7 +141,7 @@ def kept_paraphrase(
     key: EpisodeKey,
     count: int,
 ) -> int | None:
-    """Which of a task's kept paraphrases an episode has; None for the usual instruction."""
+    """Number of an episode's paraphrase among the task's; None for the usual instruction."""
     level = level_for(shift, INSTRUCTION, key.task)
     rng = key.generator(INSTRUCTION)
     is_reworded = rng.uniform() < levels.REWORDED_SHARE[level]

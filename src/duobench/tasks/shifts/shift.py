@@ -59,7 +59,7 @@ class Shift:
         return f"{what} at level {self.level}"
 
     def level_of(self, axis: str) -> int:
-        """How far it goes along one axis, 0 to 5."""
+        """Level along one axis, 0 to 5."""
         return self.level if self.axis in (axis, ALL_AXES) else 0
 
 

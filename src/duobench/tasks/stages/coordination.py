@@ -29,8 +29,8 @@ TOGETHER_SECONDS = 1.5
 """How far apart in time two arms may bring to a place what they bring together, in seconds: people
 differ by half a second, and one after the other takes several [task definitions]."""
 AWAY_SECONDS = 1.0
-"""For how long what was brought to a place has to be away from it before it may be brought there
-anew, in seconds: what only hops has been there since it came first [task definitions]."""
+"""Seconds that an object has to be away from a place before it may be brought there anew: an
+object that only hops has been there since it came first [task definitions]."""
 LANDING_DEPTH = 0.001
 """How far below the top of its support the lowest point of an object on it may seem to be."""
 

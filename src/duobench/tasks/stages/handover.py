@@ -1,4 +1,4 @@
-"""From arm to arm: what counts as handing an object over, for the tasks of sequential handoff.
+"""Handover: conditions for handing an object from arm to arm, in tasks of sequential handoff.
 
 A handover is three moments in order: one arm holds the object alone, both hold it, the other one
 holds it alone. Between the last two it is neither put down nor let go, so that laying it down for
@@ -45,15 +45,15 @@ class Handover:
     shared: Predicate
     """Both arms hold it in the air, or have held it."""
     held: BySide
-    """That arm holds it in the air."""
+    """Whether each arm holds it in the air."""
     giver: BySide
-    """That arm has it to give: it has picked it up, or brought it through."""
+    """Whether each arm has it to give: it has picked it up, or brought it through."""
     met: BySide
-    """That arm holds it in the air with the giver, or has done so since the giver was alone."""
+    """Whether each arm holds it in the air with the giver, or has since the giver was alone."""
     received: BySide
-    """That arm holds it alone, handed over by the giver; the giver never receives."""
+    """Whether each arm holds it alone, handed over by the giver; the giver never receives."""
     in_hand: BySide
-    """That arm grasps what it has received, and has not let go of it since it last held it alone:
+    """Whether each arm grasps what it received, and has not let go since it last held it alone:
     in the air, or put down and still in its grasp."""
     disturbed: BySide
     """The other gripper or the table touches it."""
@@ -131,8 +131,8 @@ def handover(
             for side in SIDES
         }
     else:
-        # Whoever was the last to hold it alone brings it through; where both hold it in the hole,
-        # whoever was the last before that.
+        # The last arm to hold it alone brings it through; where both hold it in the hole, the last
+        # one before that.
         last = {side: since(alone[side], reset=alone[side.other]) for side in SIDES}
         meeting = {
             side: all_of(both, way.within, last[side]).called(

@@ -6,7 +6,7 @@ only memories are `since(p, reset=q)`, which can be forgotten, and, for "still f
 were there once says nothing: where coordination is the point, ask for it at the moment that
 matters, or forget it.
 
-A predicate that does not hold says why in words, with `unmet`, if somebody asks.
+A predicate that does not hold says why in words, with `unmet`, on demand.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Memory:
     slots=True,
     eq=False,
 )
-class Clock:
+class StepClock:
     """Counter of the control steps at which a predicate holds."""
 
     of: Predicate
@@ -85,10 +85,10 @@ class StateView:
     variants: Mapping[str, str]
     remembered: frozenset[Memory]
     """Memories of earlier steps of this episode that are not cleared."""
-    lasted: Mapping[Clock, int] = field(default_factory=dict[Clock, int])
+    lasted: Mapping[StepClock, int] = field(default_factory=dict[StepClock, int])
     """Control steps that each clock has counted, this one included."""
     past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
-    """Why something is not remembered, where an earlier step tells; for explanations alone."""
+    """Reasons from earlier steps why something is not remembered; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
     _found: dict[object, Any] = field(default_factory=dict)
@@ -128,28 +128,28 @@ class StateView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicate:
-    """A named pure question about a control step."""
+    """Named condition on a control step; evaluating it changes nothing."""
 
     name: str
     """Condition as a short sentence: "left grasps cube"."""
     test: Callable[[StateView], bool]
-    """Answers it, from the view alone; other predicates in it must be in `parts`."""
+    """Function that evaluates it from the view alone; predicates in it must be in `parts`."""
     parts: tuple[Predicate, ...] = field(default=())
-    """The predicates that `test` calls: `since` and `held_for` in them are remembered."""
+    """Predicates that `test` calls; the memory of `since` and `held_for` among them is kept."""
     otherwise: Callable[[StateView], str] | None = field(default=None, repr=False)
     """Explanation of a failure, as a short sentence with the number that was missed:
     "cube is raised by 4 mm, not by 10 mm"."""
     off: Callable[[StateView], float] | None = field(default=None, repr=False)
-    """How far off it is where it does not hold: 0 nearly holds, 1 is a usual way to go. For rewards
-    alone, see `stages.nearness`; it takes many simulations where `test` does."""
+    """Distance from holding, in usual distances: near 0 it almost holds. For rewards alone, see
+    `stages.nearness`; it accepts many simulations if `test` does."""
     vectorized: bool = field(default=False, repr=False)
-    """Whether `test` also takes the view of n simulations at once, whose numbers are arrays (n,),
-    and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""
+    """Whether `test` also accepts a view of n simulations, whose numbers are arrays (n,), and
+    returns booleans (n,): it uses `&` and comparisons, not `and`, `if` or `float`."""
     looks: bool = field(default=True, repr=False)
-    """Whether an answer can differ where the layout, what is remembered and the answers of all
-    parts are as before: `test` looks at the simulation, or at a clock."""
+    """Whether `test` reads the simulation or a clock, so that its value may change while layout,
+    memory and the values of all parts stay the same."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
-    """The same as a call, as a plain function, which Python calls in half the time."""
+    """Same as calling the predicate, as a plain function, which Python calls in half the time."""
 
     def __post_init__(self) -> None:
         test = self.test
@@ -191,11 +191,11 @@ class Predicate:
         return replace(self, name=name, otherwise=otherwise or self.otherwise)
 
     def unmet(self, state: StateView) -> Words:
-        """Why it does not hold: the constraints in it that do not; nothing where it holds."""
+        """Reasons why it does not hold: its constraints that do not; empty if it holds."""
         return () if self.ask(state) else self.why(state)
 
     def why(self, state: StateView) -> Words:
-        """Why it holds, or why it does not, whichever is so."""
+        """Reasons why it holds or does not."""
         if self.ask(state):
             return self._met(state)
         return (self.otherwise(state),) if self.otherwise else self._unmet(state)
@@ -316,7 +316,7 @@ class Since(Predicate):
 
     memory: Memory
     when: str = ""
-    """How an explanation calls the last step at which `at` held: "when cube was let go"."""
+    """Words of an explanation for the last step at which `at` held: "when cube was let go"."""
     at: Predicate | None = None
     """Predicate of a moment: an explanation tells of the last step at which this held."""
 
@@ -344,7 +344,7 @@ class Since(Predicate):
         )
 
     def look_back(self, state: StateView, remembered: frozenset[Memory]) -> str | None:
-        """Why it is not remembered after this step, where the step tells.
+        """Reason why it is not remembered after this step, if the step shows it.
 
         Args:
             state: The step.
@@ -446,9 +446,9 @@ def kept(
 class HeldFor(Predicate):
     """A predicate that has held for some time."""
 
-    clock: Clock
+    clock: StepClock
     seconds: float
-    """For how long at least, in seconds."""
+    """Least duration in seconds."""
 
     @property
     def steps(self) -> int:
@@ -481,7 +481,7 @@ def held_for(
     """
     if not 0 < seconds < math.inf:
         raise TaskError(f"A time that something holds is above 0 s, got {seconds!r}.")
-    clock = Clock(of=predicate, reset=reset)
+    clock = StepClock(of=predicate, reset=reset)
     steps = _steps(seconds)
     return HeldFor(
         f"{predicate.name} for {seconds:g} s" + ("" if reset is None else " in all"),
@@ -517,7 +517,7 @@ def all_of(*predicates: Predicate) -> Predicate:
 
 @shared
 def any_of(*predicates: Predicate) -> Predicate:
-    """At least one holds."""
+    """Disjunction: at least one predicate holds."""
     name = " or ".join(p.name for p in predicates)
     asks = tuple(p.ask for p in predicates)
 

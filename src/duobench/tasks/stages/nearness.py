@@ -1,4 +1,4 @@
-"""How near a predicate is to holding, from 0 to 1: what a dense reward is made of.
+"""Nearness of predicates to holding, from 0 to 1: the basis of a dense reward.
 
 It reads the same descriptions as the stages do, and decides nothing: no stage, record or score
 depends on it. Conjunctions are as near as their parts on average, alternatives as the nearest of
@@ -16,12 +16,12 @@ import numpy as np
 from duobench.tasks.stages.logic import (
     AllOf,
     AnyOf,
-    Clock,
     HeldFor,
     Not,
     Predicate,
     Since,
     StateView,
+    StepClock,
 )
 from duobench.tasks.stages.predicates import AtLeast, VariantIs
 
@@ -42,7 +42,7 @@ class Nearness:
         self,
         view: StateView,
         holds: Callable[[Predicate], Any],
-        lasted: Callable[[Clock], Any],
+        lasted: Callable[[StepClock], Any],
     ) -> None:
         self._view, self._holds, self._lasted = view, holds, lasted
         self._known: dict[Predicate, Any] = {}
@@ -64,7 +64,7 @@ class Nearness:
         parts = predicate.parts
         match predicate:
             case AllOf():
-                # What the layout chose nobody can change: it only says which alternative counts.
+                # Choices of the layout cannot change: they only say which alternative counts.
                 able = [1.0 * self._holds(part) for part in parts if _is_choice(part)]
                 others = [self.of(part) for part in parts if not _is_choice(part)]
                 near = reduce(operator.mul, able, sum(others) / max(len(others), 1))

@@ -1,6 +1,6 @@
 """Put down, not dropped: what counts as bringing something to its place and leaving it there.
 
-Nobody lets go at the exact step of the first contact, so a place has some height: what is let go
+No hand lets go at the exact step of the first contact, so a place has some height: what is let go
 there is put down, what is let go above it is dropped. A vessel is what one drops things into: its
 place is higher. And what is let go has to stay: half a second of rest without a hand tells what
 stands from what topples, rolls off or drops through.

@@ -26,7 +26,7 @@ LYING_SPEED = 0.25
 """Speed in m/s, relative to the vessel, below which a thing lies in it. What falls is as fast after
 3 mm, and comes over the rim; what lies in a vessel that is carried or tilted is slower."""
 TILT_TO_POUR_DEGREES = 45.0
-"""From which tilt on a vessel is poured from: what is in it then does not lie in it."""
+"""Tilt from which a vessel is poured from: what is in it then does not lie in it."""
 
 
 @dataclass(

@@ -65,7 +65,7 @@ def mm(metres: float) -> str:
 
 
 def _reach(arm: Side, body: str) -> Callable[[StateView], float]:
-    """How far a tool is from a body, in usual ways."""
+    """Distance of a tool from a body, in usual distances."""
     return lambda state: state.simulation.reach(arm, body) / USUAL_WAY
 
 
@@ -182,7 +182,7 @@ def grasped_apart(one: str, other: str) -> Predicate:
 
 @shared
 def off_table(body: str, *supports: str) -> Predicate:
-    """In contact with neither the table nor any of these supports."""
+    """Contact with neither the table nor any of these supports."""
     names = (TABLE, *supports)
     whole = ~any_of(*(touching(body, name) for name in names))
     return whole.called(f"{body} is off {', '.join(names)}")
@@ -352,7 +352,7 @@ def _beyond(
     value: float,
     high: float,
 ) -> float:
-    """How far a number is outside a range; 0 inside."""
+    """Distance of a number from a range; 0 inside."""
     return np.maximum(np.maximum(low - value, value - high), 0.0)
 
 
@@ -385,7 +385,7 @@ def touching(body: str, other: str) -> Predicate:
 
 @shared
 def rests_on(prop: str, support: str) -> Predicate:
-    """In contact with the support, not with the table, and still (see `still`)."""
+    """Contact with the support, not with the table, and at rest (see `still`)."""
     whole = all_of(touching(prop, support), ~touching(prop, TABLE), still(prop))
     return whole.called(f"{prop} rests on {support}")
 
@@ -447,7 +447,7 @@ class AtLeast(Predicate):
     """Some of its parts hold."""
 
     count: int
-    """How many at least."""
+    """Least number of predicates."""
 
 
 @shared

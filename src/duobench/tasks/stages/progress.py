@@ -1,4 +1,4 @@
-"""From constraints to progress: the rule of the paper, with one owner of the memory.
+"""Progress from constraints: the rule of the paper, with one owner of the memory.
 
 stage_{t+1} = max({stage_t} and every k whose constraints all hold in s_t): stages never fall. A
 constraint may remember in two ways only: `since(p, reset=q)`, whether p held at an earlier control
@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 from duobench.core.errors import TaskError, UnknownNameError
 from duobench.core.types import CONTROL_HZ
 from duobench.tasks.stages.logic import (
-    Clock,
     HeldFor,
     Memory,
     Predicate,
     Since,
     StateView,
+    StepClock,
     Words,
 )
 from duobench.tasks.stages.nearness import Nearness
@@ -73,7 +73,7 @@ def memories_in(predicates: Iterable[Predicate]) -> tuple[Memory, ...]:
     return tuple(dict.fromkeys(part.memory for part in sinces_in(predicates)))
 
 
-def clocks_in(predicates: Iterable[Predicate]) -> tuple[Clock, ...]:
+def clocks_in(predicates: Iterable[Predicate]) -> tuple[StepClock, ...]:
     """The clocks of these predicates, each once, inner ones first."""
     inner = (part for predicate in predicates for part in predicate.walk())
     return tuple(
@@ -106,13 +106,13 @@ class ProgressState:
     final_holds: bool = False
     """Whether the last stage's constraints hold."""
     remembered: tuple[bool, ...] = ()
-    """For each `since`, in the order of the stages, whether it holds."""
+    """Whether each `since` holds, in the order of the stages."""
     lasted: tuple[int, ...] = ()
-    """For each `held_for`, in the same order, how many control steps have counted."""
+    """Control steps that each `held_for` has counted, in the same order."""
     start_heights: tuple[tuple[str, float], ...] = ()
     """Height of each prop's lowest point when the episode began, in metres."""
     lost: tuple[int, ...] = ()
-    """For each stage, for how many control steps in a row nothing of it has stayed."""
+    """Control steps in a row in which nothing of each stage has stayed."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -125,10 +125,10 @@ class _Judgement:
     seen: tuple[tuple[Predicate, bool], ...]
     """Predicates that looked at the step, in the order in which they were asked, and their
     values."""
-    running: tuple[Clock, ...]
+    running: tuple[StepClock, ...]
     """The clocks that it counted for; each other one has stayed as it was, or is at 0."""
     stayed: tuple[bool, ...]
-    """For each stage that was reached, whether what must stay of it did."""
+    """Whether the lasting part of each reached stage has stayed."""
 
 
 def check_names(
@@ -208,7 +208,7 @@ class Progress:
         self._memories = memories_in(constraints)
         self._remembered: frozenset[Memory] = frozenset()
         self._clocks = clocks_in(constraints)
-        self._lasted: dict[Clock, int] = {}
+        self._lasted: dict[StepClock, int] = {}
         self._start_heights: dict[str, float] = {}
         self._variants: Mapping[str, str] = {}
         self.stage = 0
@@ -232,7 +232,7 @@ class Progress:
 
     @property
     def unmet(self) -> Words:
-        """Why the next stage is not reached, in words, where `explain` asks for it.
+        """Reason why the next stage is not reached, in words, if `explain` asks for it.
 
         It looks at the simulation, which must still be as it was judged.
         """
@@ -258,7 +258,7 @@ class Progress:
         )
 
     def nearness(self, simulation: Simulation) -> float:
-        """How near the next stage is, from 0 to below 1, as `stages.nearness` measures it.
+        """Nearness of the next stage, from 0 to below 1, see `stages.nearness`.
 
         It follows from the state of the simulation and from what is remembered; 0 after the last.
         """
@@ -361,7 +361,7 @@ class Progress:
     def _judge(self, state: StateView) -> tuple[bool, ...]:
         """Ask all that matters at a step; return what stays of each stage that is reached."""
         before = self.stage, self._remembered
-        running: list[Clock] = []
+        running: list[StepClock] = []
         for clock, count in self._lasted.items():
             self._lasted[clock] = clock.after(state, count)
             if self._lasted[clock] > count:
@@ -386,7 +386,7 @@ class Progress:
     def _view(
         self,
         simulation: Simulation,
-        lasted: Mapping[Clock, int],
+        lasted: Mapping[StepClock, int],
         answers: dict[Predicate, bool],
     ) -> StateView:
         return StateView(

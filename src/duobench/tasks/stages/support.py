@@ -46,18 +46,18 @@ from duobench.tasks.stages.predicates import (
 )
 
 UNSUPPORTED_SECONDS = 0.6
-"""For how long a lid or door that is open needs support: thrown open by any speed,
+"""Seconds that an open lid or door needs support: thrown open by any speed,
 none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose it for as
 long, as fingers do that slip along it."""
 RELIEVED_SECONDS = 1.0
-"""For how long in all the other arm may bear the lid in the supporting one's stead, in seconds,
+"""Seconds in all that the other arm may bear the lid in the supporting one's stead,
 since the latter was last seen to hold it alone: with that one away from where it held the lid."""
 NEAR = 0.015
 """How far in metres the supporting hand may be from where it held the lid for as long as it likes,
 while the lid lies on the bringing arm or is pushed further open by it."""
 SHUT_SECONDS = 0.5
-"""For how long in all the supporting arm may turn the lid shut while the bringing one keeps it
-open, in seconds, since it was last seen to hold it alone [task definitions]."""
+"""Seconds in all that the supporting arm may turn the lid shut while the bringing one keeps it
+open, since it was last seen to hold it alone [task definitions]."""
 ANGLE_UNIT = 0.025
 """How exactly it is known at which angle an arm held the lid, in radians."""
 

@@ -53,7 +53,7 @@ class Vessel:
         return whole.called(f"{prop} lies in {self.body}")
 
     def received(self, prop: str) -> Predicate:
-        """It holds the prop, which a hand has put there: nobody has dropped it from above."""
+        """It holds the prop, which a hand has put there: it was not dropped from above."""
         again = lifted_off(prop, self.body, self.floor)
         received = self.holds(prop) & put(prop, self.over(prop), again=again)
         return received.called(f"{prop} was put into {self.body}")

@@ -128,7 +128,7 @@ LIGHT_ELEVATIONS = (math.radians(35.0), math.radians(75.0))
 LIGHT_DISTANCE = 2.5
 LIGHT_STRENGTHS = (0.34, 0.62)
 AMBIENTS = (0.26, 0.50)
-"""Of a random look: elevation of the light in radians, its brightness, and the ambient light."""
+"""Ranges of a random look: elevation of the light in radians, its brightness, ambient light."""
 CAMERA_SHIFT, CAMERA_TURN = 0.012, math.radians(1.2)
 """Largest offset of a random camera along and about each axis, in metres and radians."""
 EXPOSURES, MAX_NOISE, MAX_BLUR = (-0.4, 0.3), 0.02, 0.003

@@ -32,7 +32,7 @@ class Furniture:
 
 
 def pieces(count: int, seed: int) -> tuple[Furniture, ...]:
-    """Some pieces of furniture; the same seed, the same ones, and the first n of more are those."""
+    """Sample pieces of furniture from a seed; a larger count only adds pieces."""
     rng = np.random.Generator(np.random.PCG64([seed, *b"clutter"]))
     return tuple(_piece(rng) for _ in range(count))
 

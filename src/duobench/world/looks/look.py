@@ -88,7 +88,7 @@ class Light:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CameraOffset:
-    """By how much a camera is away from where it should be, in its own frame.
+    """Offset of a camera from its nominal pose, in its own frame.
 
     The frame is MuJoCo's: x right in the image, y up, z towards the viewer.
     """
@@ -111,7 +111,7 @@ class CameraOffset:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Look:
-    """How a scene is rendered; see the fields. JSON in records."""
+    """Look of a rendered scene; see the fields. JSON in records."""
 
     seed: int = 0
     """Seeds textures, clutter, colour variation and noise: the same seed, the same images."""
@@ -174,13 +174,13 @@ class Look:
             )
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data, without what is at its default."""
+        """Return plain data, without values at their default."""
         plain, default = msgspec.to_builtins(self), asdict(Look())
         return {name: value for name, value in plain.items() if value != default[name]}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """From what `to_json` or `dataclasses.asdict` gave."""
+        """Read the result of `to_json` or `dataclasses.asdict`."""
         return decode(dict(data), cls, "look")
 
 

@@ -63,7 +63,7 @@ POST_FOOT = 0.009
 OUTER_X, OUTER_Y = CAVITY[0] + 2 * WALL, CAVITY[1] + 2 * WALL
 """Outer depth and width in metres."""
 LID_LENGTH = OUTER_X
-"""From the hinge's axis to the lid's front edge, lip aside, in metres."""
+"""Distance from the hinge's axis to the lid's front edge without lip, in metres."""
 LID_WIDTH = CAVITY[1] - 2 * GAP
 HINGE = (OUTER_X / 2, 0.0, RIM_HEIGHT + GAP + BARREL_RADIUS)
 """The hinge's axis in the chest's frame, in metres."""

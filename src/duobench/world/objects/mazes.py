@@ -120,7 +120,7 @@ class Maze:
             yield cell
 
     def plan(self, cell: Cell) -> tuple[Direction, ...] | None:
-        """A shortest sequence of tilts from a cell to the goal, or None if there is none."""
+        """Shortest sequence of tilts from a cell to the goal; None if it cannot be reached."""
         plans: dict[Cell, tuple[Direction, ...]] = {cell: ()}
         for here in (queue := [cell]):
             if here == self.goal:

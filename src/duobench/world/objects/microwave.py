@@ -39,10 +39,10 @@ DOOR = (0.020, CAVITY[1] + 2 * SIDE, HEIGHT - 0.016)
 BAR_RADIUS, BAR_LENGTH = 0.008, 0.190
 """The handle's bar, in metres: it fits between half-closed fingers."""
 BAR_STANDOFF = 0.050
-"""From the door's outside to the bar's axis, in metres: fingertips reach 24 mm beyond the tool
-centre point and come at half a radian to the door, so that one of them is ahead by 20 mm."""
+"""Distance from the door's outside to the bar's axis, in metres: fingertips reach 24 mm beyond the
+tool centre point and come at half a radian to the door, so that one of them is ahead by 20 mm."""
 BAR_INSET = 0.030
-"""From the door's free edge to the bar's axis, in metres."""
+"""Distance from the door's free edge to the bar's axis, in metres."""
 BAR = (-GAP - DOOR[0] - BAR_STANDOFF, BAR_INSET - DOOR[1])
 """The bar's axis in the door's frame: x and y in metres."""
 HINGE = (FRONT, WIDTH / 2, HEIGHT / 2)

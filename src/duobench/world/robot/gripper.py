@@ -40,7 +40,7 @@ class Gripper:
     reach: float
     """No point of it is further from its pads, in metres."""
     mass: float
-    """In kg, fingers included."""
+    """Mass in kg, fingers included."""
     speeds: tuple[float, float]
     """Speeds in m/s that the gap can be told to change with."""
     forces: tuple[float, float]

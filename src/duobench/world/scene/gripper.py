@@ -37,7 +37,7 @@ TENDON_CLOSED = GRIPPER.drive_closed * (2 * TENDON_SHARE)
 """Length of the tendon at which the pads meet."""
 
 # The motor: it moves the fingers at a set speed until they meet something, and then presses with a
-# set force, whatever the commanded opening. As a torque-speed line: DRIVER_FORCE at standstill,
+# set force, at every commanded opening. As a torque-speed line: DRIVER_FORCE at standstill,
 # none left at the set speed. The position servo only brings it to a halt at the commanded opening.
 DRIVER_FORCE = 11.4
 """Force of the actuator, in the tendon's units, with which each pad presses on a 32 mm cube

@@ -98,7 +98,7 @@ def collide_as_metal(geom: mujoco.MjsGeom, group: CollisionGroup) -> None:
 
 
 def collide_unseen(geom: mujoco.MjsGeom, group: CollisionGroup) -> None:
-    """Make a geom of the robot collide in the place of its image, without a mass of its own."""
+    """Make a geom of the robot collide, without being rendered and without mass."""
     collide_as_metal(geom, group)
     geom.density, geom.group = 0.0, COLLISION_GEOM_GROUP
 

@@ -176,7 +176,7 @@ def _image(path: str, count: int) -> Texture:
 
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
 _LIGHT_DISTANCE = 2.7
-"""From a light to the middle of the shadow map in metres, as the workcell's own."""
+"""Distance from a light to the middle of the shadow map in metres, as in the workcell."""
 
 
 class Appearance:

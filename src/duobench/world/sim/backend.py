@@ -38,7 +38,7 @@ class SimBackend:
         """Do nothing: simulated time stands still between commands."""
 
     def home(self) -> None:
-        """Put the arms home at once, with open grippers; everything begins again at time zero."""
+        """Reset the simulation to time zero, with the arms at home and the grippers open."""
         self._held = None
         self.simulation.reset_data()
         self.simulation.forward()
@@ -49,14 +49,14 @@ class SimBackend:
 
     @property
     def held(self) -> str | None:
-        """Why the arms are held; None while they follow commands."""
+        """Reason why the arms are held; None while they follow commands."""
         return self._held
 
     def health(self) -> None:
-        """None: nothing of a simulation breaks but its physics, of which `command` raises."""
+        """Return nothing: only the physics of a simulation can fail, and `command` raises that."""
 
     def image_ages(self) -> dict[str, float]:
-        """None at all: images are rendered when they are asked for."""
+        """Return no ages: images are rendered on demand."""
         return {}
 
     @property
@@ -97,7 +97,7 @@ class SimBackend:
 
     @property
     def look(self) -> Look:
-        """How the images look."""
+        """Look of the images."""
         return self._look
 
     def set_look(self, look: Look) -> None:

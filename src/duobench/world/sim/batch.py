@@ -36,7 +36,7 @@ class SimulationBatch(Questions):
         self._tool_frames = data.site_xpos, data.site_xmat
         self._variants: list[Mapping[str, str]] = [{}] * count
         self.variants: dict[str, Any] = {}
-        """For each choice of a layout, what every simulation's has chosen (n,)."""
+        """Values (n,) that the simulations' layouts chose, by the name of the choice."""
         self._memo: dict[tuple[Any, ...], Any] = {}
         self._chosen: dict[tuple[str, int], Array] = {}
 

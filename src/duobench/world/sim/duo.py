@@ -119,7 +119,7 @@ class Duo:
             mujoco.mju_mat2Quat(self._quat, self._site_xmat[site])
             w, x, y, z = self._quat.tolist()
             # Of the two equal quaternions the one with qx >= 0: it does not flip its sign while
-            # a tool points down, whatever its yaw.
+            # a tool points down, at every yaw.
             tools += self._site_xpos[site].tolist()
             tools += [-x, -y, -z, -w] if x < 0.0 else [x, y, z, w]
         left, other_left, right, other_right = self._qpos[self.drivers].tolist()

@@ -29,7 +29,7 @@ class Layout:
                 )
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data: poses as x y z qx qy qz qw."""
+        """Return plain data: poses as x y z qx qy qz qw."""
         return {
             "poses": {
                 name: [float(v) for v in pose.tquat]
@@ -40,7 +40,7 @@ class Layout:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """From what `to_json` gave."""
+        """Read the result of `to_json`."""
         try:
             poses = {
                 name: SE3.from_tquat(values) for name, values in data["poses"].items()

@@ -38,7 +38,7 @@ PARALLEL_PROBES = 8
 """Most processes that a probe runs at the same time: with eight, a data-centre driver
 hung that serves one [mujoco issue 3444]."""
 PARALLEL_PROBE_S = 1.0
-"""How long they render at the same time."""
+"""Seconds for which they render at the same time."""
 HELP = f"""Install one of these, then try again:
   Debian, Ubuntu:  apt-get install {OPENGL_PACKAGES}   (EGL)
               or:  apt-get install {OSMESA_PACKAGES}   (OSMesa)
@@ -69,7 +69,7 @@ class RenderingInfo:
     """Renderer of the images; the renderer, its vendor and version as OpenGL reports them."""
 
     backend: str
-    """How the context is made: egl or osmesa."""
+    """Backend of the context: egl or osmesa."""
     renderer: str
     vendor: str
     version: str
@@ -227,7 +227,7 @@ def open_context(
     """Make an OpenGL context and make it current; for child processes only.
 
     Raises:
-        RenderingError: It does not work, whatever was raised.
+        RenderingError: It does not work, for any reason.
     """
     library = None
     try:

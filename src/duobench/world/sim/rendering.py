@@ -1,7 +1,7 @@
 """Images of a simulation, rendered offscreen.
 
 The first image starts a process that renders; OpenGL is never loaded into this one. An image shows
-the whole field of view of its camera whatever its size, so a square image is the native one
+the whole field of view of its camera at every size, so a square image is the native one
 squeezed to a square.
 """
 

@@ -129,7 +129,7 @@ def _spread(content: bytes, arrays: list[Array]) -> None:
         start += array.nbytes
 
 
-class _Channel:
+class _RenderChannel:
     """One end of a connection on which two processes take turns.
 
     A message is in memory that they share, and the connection says how long it is.
@@ -186,7 +186,7 @@ class RenderingProcess:
                 memory = os.memfd_create("duobench-images")
                 os.ftruncate(memory, ROOM)
                 socket.send_fds(ours, [b"memory"], [memory])
-                self._channel = _Channel(ours, memory)
+                self._channel = _RenderChannel(ours, memory)
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", code],
                     env=child_environment(backend),
@@ -280,7 +280,7 @@ _LOCKS: dict[int, threading.Lock] = {}
 
 
 def current(backend: str | None = None) -> RenderingProcess:
-    """The rendering process of this process, started where there is none that runs.
+    """Rendering process of this process, started unless it runs already.
 
     Args:
         backend: What it renders with, if that matters.
@@ -308,7 +308,7 @@ def serve(backend: str, parent: int) -> None:
     watch_parent(parent, lambda: os._exit(1))
     connection = socket.socket(fileno=0)
     _, (memory,), _, _ = socket.recv_fds(connection, _HEAD, 1)
-    channel, served = _Channel(connection, memory), _Served(backend)
+    channel, served = _RenderChannel(connection, memory), _Served(backend)
     with suppress(EOFError, OSError):
         while True:
             answer = served.answer(*channel.receive())
@@ -333,7 +333,7 @@ class _Served:
         arguments: tuple[Any, ...],
         freed: list[int],
     ) -> Any:
-        """Result of a method, or an error: whatever is raised here is of rendering."""
+        """Result of a method; every error in it is a `RenderingError`."""
         try:
             for number in freed:
                 self._free(number)

@@ -167,8 +167,8 @@ class Simulation(Questions):
             for name, c in corners
             if name not in self._few
         }
-        """Of each other prop its body, middle and half size of the box around its corners, and the
-        corner that is lowest while it stands."""
+        """Body, middle and half size of the box around the corners, and the lowest corner while it
+        stands, of each other prop."""
         self._state_size = mujoco.mj_stateSize(self.model, STATE)
         # Degrees of freedom of the props, hinges included, and what counts as rest for each.
         roots = [self._bodies[name] for name in self.props]
@@ -457,7 +457,7 @@ class Simulation(Questions):
         return found
 
     def height_bound(self, prop: str, limit: float) -> float | None:
-        """As `Questions`; known of props with many corners, far from the limit, at low cost."""
+        """Bound as in `Questions`, for props with many corners and far from the limit; cheap."""
         if prop not in self._boxes:
             return None
         row, (cx, cy, cz), (half_x, half_y, half_z), (a, b, c) = self._boxes[prop]

@@ -39,7 +39,7 @@ _BOX, _DISABLED = int(mujoco.mjtGeom.mjGEOM_BOX), mujoco.mjtDisableBit
 
 
 class WarpBatch(SimulationBatch):
-    """Simulations of one task on the graphics card, or on the processor where there is none.
+    """Simulations of one task on the graphics card, or on the processor without a card.
 
     Raises:
         OptionError: MuJoCo Warp is not installed, or cannot step so many of this model.
@@ -77,7 +77,7 @@ class WarpBatch(SimulationBatch):
             name: _flat(name, array.numpy()) for name, array in self._copies.items()
         }
         """Arrays that were copied from the engine last."""
-        super().__init__(simulation, count, _Named(self.arrays))
+        super().__init__(simulation, count, _NamedArrays(self.arrays))
         self._scratch, self._graph = mujoco.MjData(model), None
         shape = SUBSTEPS, count, model.nu
         self._ramp = self._warp.zeros(shape, dtype=float)
@@ -169,7 +169,7 @@ class WarpBatch(SimulationBatch):
     def copy_contacts(self, worlds: Integers) -> None:
         """See `SimulationBatch`."""
         found, contact = int(self._data.nacon.numpy()[0]), self._data.contact
-        # A slice of nothing is none that can be copied.
+        # An empty slice cannot be copied.
         shown = {
             name: getattr(contact, name)[: max(found, 1)].numpy() for name in _CONTACT
         }
@@ -185,7 +185,7 @@ class WarpBatch(SimulationBatch):
         return self.simulation
 
 
-class _Named:
+class _NamedArrays:
     """Arrays under their names."""
 
     def __init__(self, arrays: dict[str, NDArray[Any]]) -> None:

@@ -1,4 +1,4 @@
-"""Ball-Maze with closed eyes: the board is lifted and tilted in one fixed sequence, whatever it is.
+"""Ball-Maze with closed eyes: the board is lifted and tilted in one fixed sequence.
 
 A baseline: what it wins can be had without a look at the ball or the maze.
 """

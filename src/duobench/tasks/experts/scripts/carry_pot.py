@@ -69,7 +69,7 @@ def lift(arms: Arms) -> Script:
 def carry_over(
     arms: Arms, x: float, y: float, *sides: Side, height: float = _CLEARANCE
 ) -> Script:
-    """Carry the pot to a place above the plate; its yaw stays, whatever the plate's."""
+    """Carry the pot to a place above the plate; its yaw does not change."""
     goal = _level(arms, x, y, height)
     yield from carry(arms, "pot", goal, *sides, speed=CAREFUL)
 

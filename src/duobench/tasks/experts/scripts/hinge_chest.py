@@ -44,7 +44,7 @@ _OPEN_ANGLE = 1.32
 _NEARLY = 0.1
 """How much less than that is enough for the other arm to go in, in radians."""
 _ROD_DEPTH = 0.016
-"""From the lid's underside to the rod's axis, in metres."""
+"""Distance from the lid's underside to the rod's axis, in metres."""
 _LIFT_SECONDS = 2.0
 
 _WAIT_BESIDE = 0.24

@@ -12,31 +12,34 @@ from duobench.data.schema import VIDEO_SUFFIX
 from duobench.data.stream import check_free
 
 SET_ASIDE = "The operator discarded it while it ran."
-"""Why an episode ended that is cut there, should it be restored."""
+"""Reason of the end of an episode that is set aside, if it is restored later."""
 NOTHING_DISCARDED = "There is nothing to restore."
 
 
-class Takes:
-    """Episodes of one task, which belong to one session at a time.
+class SessionEpisodes:
+    """Episodes of one task in a data set, which one session at a time may record.
 
-    The episodes that a killed session had discarded are there for the next one.
+    Episodes that a killed session had discarded can be restored by the next one.
 
     Raises:
         LockedError: Another session records the task into the data set.
     """
 
     def __init__(self, env: Recorder, data: DataSet) -> None:
-        self._env, self._data, self._task, self._lock = env, data, env.task, ExitStack()
+        self._env = env
+        self._data = data
+        self._task = env.task
+        self._lock = ExitStack()
         self._folder = data.discarded.episode(env.task, "0").parent
         self._lock.enter_context(locked(self._folder))
-        tried = (each.episode + 1 for each in of_task(data, env.task))
-        self.next_number = max(data.next_number(env.task), *tried, 0)
+        begun = [each.episode + 1 for each in of_task(data, env.task)]
+        self.next_number = max(data.next_number(env.task), 0, *begun)
         """Number of the first layout that was never begun."""
         self.discarded = data.discarded.episodes(env.task)
-        """Files that can be restored, the last one last."""
+        """Discarded files, which can be restored; the last one last."""
 
     def note(self, attempt: Attempt) -> None:
-        """Note how an episode goes."""
+        """Write down the state of an attempt."""
         note(self._data, attempt)
 
     def set_aside(self) -> None:
@@ -45,11 +48,11 @@ class Takes:
         self.discarded = self._data.discarded.episodes(self._task)
 
     def restore(self) -> str:
-        """Keep after all, unchanged, what was discarded last; its name.
+        """Restore the episode that was discarded last; return its name.
 
         Raises:
-            DataError: There is nothing, or another episode has its name.
-            OutputError: It cannot be moved.
+            DataError: Nothing was discarded, or another episode has its name.
+            OutputError: The files cannot be moved.
         """
         if not self.discarded:
             raise DataError(NOTHING_DISCARDED)
@@ -68,7 +71,7 @@ class Takes:
         return path.stem
 
     def close(self, *, forget: bool) -> None:
-        """Let other sessions have the task; and remove what was discarded, if it is forgotten."""
+        """Release the task for other sessions; with `forget`, remove the discarded episodes."""
         if forget:
             rmtree(self._folder, ignore_errors=True)
             with suppress(OSError):  # other tasks have theirs there
