@@ -2,8 +2,6 @@
 
 import json
 import os
-import re
-import shlex
 import subprocess
 import sys
 import sysconfig
@@ -14,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from duobench.world.robot.cameras import POLICY_CAMERAS
-from tests.docs.markdown import modules, text_of
 from tests.test_repository import ROOT, tracked
 
 # Every process of the environment loads it, workers too. Processes on this machine may talk.
@@ -110,44 +107,12 @@ def test_it_carries_everything_of_the_package(wheel: Path) -> None:
         assert f"{information}/licenses/{notice}" in packed
 
 
-@pytest.mark.slow
-def test_there_is_no_network(installed: Installed) -> None:
-    """Otherwise the tests below would prove nothing."""
+def test_an_environment_can_be_made_and_played(installed: Installed) -> None:
     connect = "import socket; socket.create_connection(('192.0.2.1', 9), timeout=1)"
     assert "there is no network" in installed.run("python", "-c", connect).stderr
-
-
-def test_an_environment_can_be_made_and_played(installed: Installed) -> None:
     told = json.loads(installed.output("python", "-c", USE))
     assert Path(told["package"]).is_relative_to(installed.packages)
     assert told["pixels"] == {name: [32, 32, 3] for name in POLICY_CAMERAS}
     assert told["dark"] == []
     assert told["image"] == [24, 32, 3]
     assert told["stage"] == 0.0
-
-
-@pytest.mark.slow
-def test_the_command_evaluates_a_policy(installed: Installed) -> None:
-    evaluate = ["eval", "--policy", "expert", "--tasks", "bin_sort", "--episodes", "1"]
-    installed.output("duobench", *evaluate, "--videos", "0", "--out", "run")
-    (record,) = (installed.work / "run" / "records").rglob("*.json")
-    assert json.loads(record.read_text(encoding="utf-8"))["task"] == "bin_sort"
-    assert (installed.work / "run" / "index.html").is_file()
-
-
-@pytest.mark.slow
-def test_a_newcomer_gets_a_table_from_the_first_door_of_the_first_page(
-    installed: Installed,
-) -> None:
-    """What comes before its second door, in an empty folder: a module, at most five commands."""
-    door = text_of(ROOT / "README.md").partition("## Train on the data")[0]
-    lines = "".join(re.findall(r"^```sh\n(.*?)^```", door, re.DOTALL | re.MULTILINE)).splitlines()
-    assert [line.split("  #")[0] for line in lines[:2]] == ["make demo", "make test"]
-    assert len(lines) <= 5
-    for name, code in modules(ROOT / "README.md").items():
-        (installed.work / name).write_text(code, encoding="utf-8")
-    # The fixture has done the rest: an environment, and the package in it.
-    commands = [line for line in lines if line.startswith("duobench ")]
-    said = [installed.output(*shlex.split(line)) for line in commands]
-    assert re.search(r"^ All tasks +2 +0\.0 ", said[-1], re.MULTILINE)
-    assert (installed.work / "runs" / "mine" / "index.html").is_file()

@@ -27,6 +27,13 @@ FULL = ArmConfig(
 )
 
 
+def by_samples(
+    few: int, every: int, mark: pytest.MarkDecorator = pytest.mark.slow
+) -> pytest.MarkDecorator:
+    """Try a property with a few samples, and under a mark with all of them."""
+    return pytest.mark.parametrize("samples", [few, pytest.param(every, marks=mark)])
+
+
 def play(
     follower: Follower, targets: list[np.ndarray], rest: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -78,28 +85,30 @@ def test_a_far_target_is_approached_within_bounds_and_not_overshot(fraction: flo
     assert (np.abs(positions - HOME).max(axis=0) <= 0.5 + 0.01).all()
 
 
-def test_whatever_is_told_no_bound_is_broken() -> None:
+@by_samples(40, 200)
+def test_whatever_is_told_no_bound_is_broken(samples: int) -> None:
     rng = np.random.default_rng(0)
     low, high = JOINT_RANGES.T
     for fraction, acceleration in ((0.5, MAX_ACCELERATION), (0.25, 4.0)):
         limits = ArmConfig(speed_fraction=fraction, acceleration=acceleration)
         follower = Follower(HOME, limits)
-        targets = [rng.uniform(low - 0.5, high + 0.5) for _ in range(200)]
+        targets = [rng.uniform(low - 0.5, high + 0.5) for _ in range(samples)]
         targets += [low] * 90 + [high] * 90
         check_bounds(*play(follower, targets), limits)
 
 
+@by_samples(30, 90)
 @pytest.mark.parametrize("most", [0.1, 0.25, 1.0])
-def test_whatever_is_told_the_tool_is_not_faster_than_it_may_be(most: float) -> None:
+def test_whatever_is_told_the_tool_is_not_faster_than_it_may_be(most: float, samples: int) -> None:
     rng = np.random.default_rng(1)
     low, high = JOINT_RANGES.T
     limits = replace(FULL, tool_speed=most)
     fastest = []
     for targets in (
-        [rng.uniform(low, high) for _ in range(90)],
-        [HOME + rng.uniform(-0.6, 0.6, 7) for _ in range(90)],
-        [each for _ in range(6) for each in [rng.uniform(low, high)] * 15],
-        [HOME + 0.6 * np.sign(np.sin(0.4 * number)) for number in range(90)],
+        [rng.uniform(low, high) for _ in range(samples)],
+        [HOME + rng.uniform(-0.6, 0.6, 7) for _ in range(samples)],
+        [each for _ in range(samples // 15) for each in [rng.uniform(low, high)] * 15],
+        [HOME + 0.6 * np.sign(np.sin(0.4 * number)) for number in range(samples)],
     ):
         follower = Follower(HOME, limits)
         positions, speeds = play(follower, targets, rest=1.0)
@@ -206,15 +215,16 @@ def test_near_an_end_of_its_range_a_joint_may_only_move_slowly_towards_it() -> N
 
 
 @pytest.mark.parametrize("acceleration", [1.0, 4.0, MAX_ACCELERATION])
+@by_samples(40, 150)
 @pytest.mark.parametrize("seed", range(2))
-def test_no_order_of_calls_breaks_a_bound(seed: int, acceleration: float) -> None:
+def test_no_order_of_calls_breaks_a_bound(seed: int, acceleration: float, samples: int) -> None:
     """Targets, holds, resets to where it is told to be, limits and uneven calls at random."""
     rng = np.random.default_rng(seed)
     follower = Follower(HOME, replace(FULL, acceleration=acceleration))
     low, high = JOINT_RANGES.T
     slowing = 0.0
     """Seconds in which a speed that was allowed before may still be too fast."""
-    for _ in range(150):
+    for _ in range(samples):
         match rng.integers(6):
             case 0:
                 follower.hold()
@@ -243,13 +253,13 @@ def test_no_order_of_calls_breaks_a_bound(seed: int, acceleration: float) -> Non
             assert (speed <= lowest_highest[1] + 1e-9).all()
 
 
-@pytest.mark.long
-def test_ten_thousand_resets_in_full_motion_keep_the_acceleration() -> None:
+@by_samples(100, 10_000, pytest.mark.long)
+def test_resets_in_full_motion_keep_the_acceleration(samples: int) -> None:
     """A limit that narrows to a tenth in any motion, with and without a hold before it."""
     rng = np.random.default_rng(0)
     follower, fastest = Follower(HOME, FULL), 0.0
     middle = JOINT_RANGES.mean(axis=1)
-    for number in range(10_000):
+    for number in range(samples):
         follower.speed_fraction = FULL.speed_fraction
         follower.aim(middle + rng.uniform(-1.0, 1.0, 7))
         speeds = [follower.advance(MAX_STEP_S)[1] for _ in range(rng.integers(6, 18))]

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from duobench.core.errors import FileError, OptionError
+from duobench.core.errors import OptionError
 from duobench.core.types import Side
-from duobench.real.rig import ArmConfig, GripperConfig, Rig
+from duobench.real.rig import ArmConfig, GripperConfig
 from tests.real.rigs import new_rig
 from tests.real.simulated import simulated_rig
 
@@ -53,19 +53,3 @@ def test_everything_that_a_file_says_changes_its_hash(tmp_path: Path) -> None:
     slower = replace(plain.arms[Side.LEFT], acceleration=1.0)
     other = replace(plain, arms={**plain.arms, Side.LEFT: slower})
     assert other.hash != plain.hash
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        "",
-        "[]",
-        '{"name": "x"}',
-        '{"name": "x", "arms": {"left": {"speed_fraction": 2}, "right": {}}, "grippers": {}}',
-    ],
-)
-def test_what_is_no_rig_is_told_with_its_path(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "rig.json"
-    path.write_text(content)
-    with pytest.raises(FileError, match=r"Cannot read a rig from .*rig\.json"):
-        Rig.read(path)

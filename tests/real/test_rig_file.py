@@ -154,6 +154,7 @@ def test_a_wrong_file_is_refused_with_its_key(
         ('{"name": NaN}', "Numbers are finite, got NaN"),
         ('{"name": 1e999}', "Numbers are finite, got 1e999"),
         ("[]", "the file is an object"),
+        ("", "Cannot read a rig"),
         ('{"name": "x",}', "Cannot read a rig"),
         ("[" * 100_000, "Cannot read a rig"),
         ('{"name": "x", "arms": {"left": 3}}', "arms.left is an object"),

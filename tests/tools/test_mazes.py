@@ -1,13 +1,11 @@
 """How many boards a fixed sequence of tilts wins in time: an exact search in a model."""
 
-import itertools
-from dataclasses import replace
 
 import pytest
 
 from dev.tools.mazes import TIME, Game, fewest_steps, most_solved, price
 from duobench.tasks.experts.scripts.blind import TILTS
-from duobench.world.objects.mazes import CELLS, MAZES, Direction, Maze
+from duobench.world.objects.mazes import MAZES, Direction, Maze
 
 MOST = {(3, 5, 6, 7, 8): 287, (2, 5, 6, 7, 8): 293}
 """The largest sets of boards that one sequence solves with the ball at rest, and its steps."""
@@ -47,39 +45,3 @@ def test_the_blind_baseline_plays_a_cheapest_sequence_for_its_boards() -> None:
     won = [n for n, maze in enumerate(MAZES) if priced([maze], tilts) is not None]
     assert set(BLIND_BOARDS) <= set(won)
     assert sum(steps for _, steps in TILTS) < TIME
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_the_fewest_steps_are_those_that_trying_all_finds(count: int) -> None:
-    cells = list(itertools.product(range(CELLS), repeat=2))
-    # From these starts two tilts reach the goal, so that all sequences can be tried.
-    easy = [
-        next(replace(maze, start=cell) for cell in cells if len(maze.plan(cell)) == 2)
-        for maze in MAZES[:count]
-    ]
-    found = (
-        priced(easy, tilts)
-        for length in range(1, 8)
-        for tilts in itertools.product(Direction, repeat=length)
-    )
-    fewest = min(steps for steps in found if steps is not None)
-    # What is longer than those that were tried costs more.
-    assert fewest <= 8 * int(price(1))
-    assert fewest_steps([Game.of(maze, rests=True) for maze in easy]) == fewest
-
-
-def test_a_limit_is_kept_to() -> None:
-    game = Game.of(MAZES[0], rests=False)
-    fewest = fewest_steps([game])
-    assert fewest is not None
-    assert fewest_steps([game], fewest) == fewest
-    assert fewest_steps([game], fewest - 1) is None
-
-
-def test_a_stop_is_never_harder_than_a_rest() -> None:
-    for maze in MAZES:
-        stops, rests = (fewest_steps([Game.of(maze, rests=rest)]) for rest in (False, True))
-        assert stops is not None
-        assert rests is not None
-        assert stops < rests

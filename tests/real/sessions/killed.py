@@ -14,7 +14,7 @@ def lead() -> None:
 
 
 if __name__ == "__main__":
-    stand = Stand(Path(sys.argv[1]), POLICIES, episodes=1)
+    stand = Stand(Path(sys.argv[1]), POLICIES)
     threading.Thread(target=lead, daemon=True).start()
     sys.stdout.write(f"{stand.server.url}\n")
     sys.stdout.flush()

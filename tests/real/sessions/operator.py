@@ -28,8 +28,11 @@ from tests.web.pages import Page, open_page, wait_until
 
 STEPS = 20
 """Horizon of the episodes."""
+LAST = 5
+"""Stage that ends an episode."""
 POLICIES = ((f"{toys.MODULE}:Patient", "sim"), (f"{toys.MODULE}:Keen", "mixed"))
 """Names of the policies, and what they were trained on."""
+ONE = ((f"{toys.MODULE}:Patient", ""),)
 
 
 def short_task(name: str = "bin_sort") -> TaskInfo:
@@ -61,13 +64,23 @@ class Operator:
     def phase(self, phase: str) -> dict[str, Any]:
         return self.until(lambda status: status["phase"] == phase)
 
-    def begin(self) -> dict[str, Any]:
-        """Place and start the next trial; its status while it plays."""
+    def start(self) -> None:
+        """Place the objects of the next trial and start it."""
         self.phase("placing")
         self.say("placed")
         self.phase("ready")
         self.say("start")
+
+    def begin(self) -> dict[str, Any]:
+        """Place and start the next trial; its status while it plays."""
+        self.start()
         return self.phase("playing")
+
+    def trial(self, *stages: int) -> None:
+        """Judge a whole trial, one stage a chunk, and close it."""
+        self.begin()
+        self.play([[stage] for stage in stages])
+        self.finish()
 
     def press(self, stage: int | None) -> None:
         """Press a stage, or undo, and wait until the page says so."""
@@ -101,6 +114,18 @@ class Operator:
         """Let an arm have a fault."""
         self.stand.duo.arms[side].fail(text, kind)  # type: ignore[attr-defined]
 
+    def fail_in_trial(self, stage: int, text: str, kind: FaultKind = FaultKind.CONTACT) -> None:
+        """Begin a trial in which an arm has a fault after a stage was reached."""
+        self.begin()
+        self.press(stage)
+        self.next_chunk(lambda: self.fail(Side.LEFT, text, kind))
+
+    def recover(self) -> None:
+        """Clear a fault."""
+        self.until(lambda status: status["fault"])
+        self.say("recover")
+        self.until(lambda status: not status["fault"])
+
     def wait_for_hold(self) -> None:
         wait_until(lambda: self.stand.duo.held is not None)
 
@@ -127,7 +152,7 @@ class Stand:
     def __init__(
         self,
         path: Path,
-        policies: Sequence[tuple[str, str]],
+        policies: Sequence[tuple[str, str]] = ONE,
         *,
         rig: Rig | None = None,
         task: TaskInfo | None = None,
@@ -141,7 +166,7 @@ class Stand:
         self.ending.callback(self.duo.close)
         self.server = PageServer(assets("trials_page.html"))
         self.ending.callback(self.server.close)
-        chosen: dict[str, Any] = {"rater": "operator", "silence_s": 60.0} | options
+        usual: dict[str, Any] = {"episodes": 1, "rater": "operator", "silence_s": 60.0}
         try:
             self.session = TrialsSession(
                 self.folder,
@@ -150,7 +175,7 @@ class Stand:
                 policies,
                 self.server,
                 self.ending,
-                **chosen,
+                **usual | options,
             )
         except DuoBenchError:
             self.ending.close()
@@ -208,16 +233,26 @@ def run(
 def played(
     folder: Path,
     script: Callable[[Operator], None],
-    policies: Sequence[tuple[str, str]] = POLICIES[:1],
+    policies: Sequence[tuple[str, str]] = ONE,
     *,
     is_complete: bool = True,
     **options: Any,
 ) -> Stand:
     """A stand at which a script has operated a session, of one episode by default."""
-    stand = Stand(folder, policies, **{"episodes": 1} | options)
+    stand = Stand(folder, policies, **options)
     with stand.ending:
         assert run(stand, script) == is_complete
     return stand
+
+
+def trials(*stages: int) -> Callable[[Operator], None]:
+    """A script of trials, each of which reaches a stage."""
+
+    def script(operator: Operator) -> None:
+        for stage in stages:
+            operator.trial(stage)
+
+    return script
 
 
 def only_record(stand: Stand) -> tuple[Record, Judged]:

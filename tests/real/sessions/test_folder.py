@@ -21,8 +21,7 @@ from duobench.real.sessions.trials_folder import (
     read_entries,
 )
 from duobench.real.sessions.trials_report import write_trials_report
-from tests.real.sessions.operator import Operator, Stand, played, records
-from tests.real.sessions.test_session import ONE
+from tests.real.sessions.operator import Stand, played, records, trials
 from tests.real.simulated import SimulatedArm, simulated_rig
 
 
@@ -50,13 +49,8 @@ def test_press_that_there_is_no_room_for_is_nowhere(tmp_path: Path) -> None:
 
 
 def test_every_day_has_its_rater(tmp_path: Path) -> None:
-    def script(operator: Operator) -> None:
-        operator.begin()
-        operator.play([[1]])
-        operator.finish()
-
     for number, rater in enumerate(("alice", "bob", ""), 1):
-        stand = played(tmp_path / "t", script, ONE, rater=rater, episodes=number)
+        stand = played(tmp_path / "t", trials(1), rater=rater, episodes=number)
     found = [each.judged.rater for each in records(stand.folder)["A"] if each.judged]
     assert found == ["alice", "bob", "alice"]
 
@@ -75,21 +69,14 @@ def test_arms_that_cannot_be_reached_begin_no_evaluation(
     with monkeypatch.context() as patched:
         patched.setattr(SimulatedArm, "connect", fail)
         with pytest.raises(BackendError):
-            Stand(tmp_path / "t", ONE, rig=rig(0.1), episodes=1)
-    Stand(tmp_path / "t", ONE, rig=rig(0.2), episodes=1).ending.close()
+            Stand(tmp_path / "t", rig=rig(0.1))
+    Stand(tmp_path / "t", rig=rig(0.2)).ending.close()
 
 
 @pytest.fixture(scope="module")
 def two_trials(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An evaluation of two trials; it is copied before anything is done to it."""
-
-    def script(operator: Operator) -> None:
-        for stage in (1, 2):
-            operator.begin()
-            operator.play([[stage]])
-            operator.finish()
-
-    return played(tmp_path_factory.mktemp("whole") / "t", script, ONE, episodes=2).folder.path
+    return played(tmp_path_factory.mktemp("whole") / "t", trials(1, 2), episodes=2).folder.path
 
 
 def record_of(folder: TrialsFolder, number: int) -> Path:
@@ -144,7 +131,7 @@ def test_what_is_missing_is_said_everywhere_and_comes_again(
     assert said in " ".join(capsys.readouterr().out.split())
     assert said in write_trials_report(folder).differing
     assert said in folder.page.read_text()
-    stand = Stand(folder.path, ONE, episodes=2)
+    stand = Stand(folder.path, episodes=2)
     stand.ending.close()
     assert said in stand.session.message
     todo = folder.remaining(folder.read_plan(), TrialsProgress.of(folder.read_log()))
@@ -205,5 +192,5 @@ def test_what_no_trial_has_left_is_refused_everywhere(
     with pytest.raises(EvaluationError, match=words):
         write_trials_report(folder)
     with pytest.raises(EvaluationError, match=words):
-        Stand(folder.path, ONE, episodes=2)
+        Stand(folder.path, episodes=2)
     assert {path: path.read_bytes() for path in folder.path.rglob("*.json*")} == before

@@ -13,12 +13,11 @@ from duobench.real.sessions.messages import Activate, Hold, Home, Message, Place
 from duobench.real.sessions.session import CONNECTION_LOST, TAKEN_OVER, Phase, Stopped
 from duobench.real.supervisor import State
 from tests.real.sessions.operator import Operator, Stand, only_record, played, run
-from tests.real.sessions.test_session import ONE
 
 
 @pytest.fixture
 def stand(tmp_path: Path) -> Iterator[Stand]:
-    made = Stand(tmp_path / "t", ONE, episodes=1)
+    made = Stand(tmp_path / "t")
     with made.ending:
         yield made
 
@@ -112,7 +111,7 @@ def test_double_click_is_one_motion(stand: Stand) -> None:
 def test_page_that_goes_after_the_last_step_spoils_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stand, held = Stand(tmp_path / "t", ONE, episodes=1), []
+    stand, held = Stand(tmp_path / "t"), []
     finish = Film.on_episode_end
 
     def slowly(film: Film, error: BaseException | None) -> None:
@@ -122,13 +121,8 @@ def test_page_that_goes_after_the_last_step_spoils_nothing(
 
     monkeypatch.setattr(Film, "on_episode_end", slowly)
 
-    def script(operator: Operator) -> None:
-        operator.begin()
-        operator.play([[1], [2]])
-        operator.finish()
-
     with stand.ending:
-        assert run(stand, script)
+        assert run(stand, lambda operator: operator.trial(1, 2))
     record, judged = only_record(stand)
     assert (record.final_stage, judged.repeated) == (2, ())
     assert held == ["The episode is over."]
@@ -142,10 +136,8 @@ def test_page_that_goes_before_spoils_the_trial(
         operator.begin()
         operator.next_chunk(partial(operator.stand.server.on_driver_lost, gives_way))
         operator.attempt(2)
-        operator.begin()
-        operator.play([[1]])
-        operator.finish()
+        operator.trial(1)
 
-    _, judged = only_record(played(tmp_path / "t", script, ONE))
+    _, judged = only_record(played(tmp_path / "t", script))
     (one,) = judged.repeated
     assert one.reason == reason

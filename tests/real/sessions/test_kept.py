@@ -14,6 +14,7 @@ from duobench.results.folder import RunFolder
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.real.sessions import toys
 from tests.real.sessions.operator import (
+    LAST,
     POLICIES,
     STEPS,
     Operator,
@@ -22,8 +23,8 @@ from tests.real.sessions.operator import (
     played,
     records,
     run,
+    trials,
 )
-from tests.real.sessions.test_session import LAST, ONE
 from tests.real.simulated import simulated_rig
 
 EPISODES = 2
@@ -77,7 +78,7 @@ def test_what_is_corrected_in_judging_is_in_the_recording(tmp_path: Path, holds:
         operator.finish(holds=holds)
 
     data = DataSet.open(tmp_path / "data")
-    record, _ = only_record(played(tmp_path / "trials", corrected, ONE, data=data))
+    record, _ = only_record(played(tmp_path / "trials", corrected, data=data))
     (episode,) = data.recordings()
     outcome = episode.info.outcome
     assert outcome is not None
@@ -97,7 +98,7 @@ def test_success_that_is_seen_in_the_film_is_in_the_recording(tmp_path: Path) ->
         operator.finish()
 
     data = DataSet.open(tmp_path / "data")
-    played(tmp_path / "trials", corrected, ONE, data=data)
+    played(tmp_path / "trials", corrected, data=data)
     (episode,) = data.recordings()
     assert episode.success_step == 7
     assert find_problems(data) == []
@@ -110,27 +111,18 @@ def test_session_that_is_stopped_in_judging_leaves_no_half_recording(tmp_path: P
         operator.stand.session.stop()
 
     data = DataSet.open(tmp_path / "data")
-    stand = played(tmp_path / "trials", stopped, ONE, is_complete=False, data=data)
+    stand = played(tmp_path / "trials", stopped, is_complete=False, data=data)
     assert find_problems(data) == []
     assert stand.folder.invalid_film(0, 1).exists()
-    stand = played(tmp_path / "trials", begun_and_finished, ONE, data=data)
+    stand = played(tmp_path / "trials", trials(1), data=data)
     assert find_problems(data) == []
     assert len(data.episodes()) == 1
     assert not stand.folder.invalid_film(0, 2).exists()
 
 
-def begun_and_finished(operator: Operator) -> None:
-    operator.begin()
-    operator.play([[1]])
-    operator.finish()
-
-
 def test_policy_that_fails_before_its_first_step_leaves_no_recording(tmp_path: Path) -> None:
     def failed(operator: Operator) -> None:
-        operator.phase("placing")
-        operator.say("placed")
-        operator.phase("ready")
-        operator.say("start")
+        operator.start()
         operator.phase("judging")
         operator.finish()
 
@@ -152,9 +144,9 @@ def test_press_while_a_closed_trial_is_written_is_refused(
         write(*given)
 
     monkeypatch.setattr(RunFolder, "write", slowly)
-    stand = Stand(tmp_path / "trials", ONE, episodes=1)
+    stand = Stand(tmp_path / "trials")
     with stand.ending:
-        assert run(stand, begun_and_finished)
+        assert run(stand, trials(1))
     record, judged = only_record(stand)
     assert (record.final_stage, len(judged.presses)) == (1, 1)
 
@@ -177,7 +169,7 @@ def test_page_says_what_the_doctor_found(
         check = Check(name="holding", outcome=outcome, value="both arms")
         rig_hash = known.hash if rig == "same" else "0" * 64
         write_checks(tmp_path / "trials", known.name, rig_hash, [check])
-    stand = Stand(tmp_path / "trials", POLICIES, episodes=1)
+    stand = Stand(tmp_path / "trials", POLICIES)
     stand.ending.close()
     write_trials_report(stand.folder)
     assert said in stand.folder.page.read_text().replace("\n", " ")

@@ -15,7 +15,7 @@ from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.comparison import compare
 from duobench.world.robot.cameras import HEAD
-from tests.real.sessions.operator import POLICIES, Operator, Stand, played, records
+from tests.real.sessions.operator import POLICIES, Operator, Stand, played, records, trials
 from tests.real.simulated import CAMERA, simulated_rig
 
 FIRST = simulated_rig()
@@ -42,21 +42,15 @@ AGAIN = head(
 )
 
 
-def one_trial(operator: Operator) -> None:
-    operator.begin()
-    operator.play([[2]])
-    operator.finish()
-
-
 def then_stop(operator: Operator) -> None:
-    one_trial(operator)
+    operator.trial(2)
     operator.stand.session.stop()
 
 
 def test_evaluation_goes_on_where_its_rig_was_measured_again(tmp_path: Path) -> None:
     path = tmp_path / "t"
     played(path, then_stop, POLICIES, rig=FIRST, is_complete=False)
-    stand = played(path, one_trial, POLICIES, rig=AGAIN)
+    stand = played(path, trials(2), POLICIES, rig=AGAIN)
     folder = stand.folder
     found = [record.rig for each in records(folder).values() for record in each]
     assert sorted(map(str, found)) == sorted([FIRST.hash, AGAIN.hash])
@@ -103,10 +97,10 @@ def test_evaluation_goes_on_where_its_rig_was_measured_again(tmp_path: Path) -> 
 def test_another_rig_is_refused_with_what_is_different(
     change: Callable[[Rig], Rig], words: str, tmp_path: Path
 ) -> None:
-    Stand(tmp_path / "t", POLICIES, rig=FIRST, episodes=1).ending.close()
+    Stand(tmp_path / "t", POLICIES, rig=FIRST).ending.close()
     before = sorted(file.read_bytes() for file in tmp_path.rglob("*.json"))
     with pytest.raises(OtherRunError, match=words):
-        Stand(tmp_path / "t", POLICIES, rig=change(FIRST), episodes=1)
+        Stand(tmp_path / "t", POLICIES, rig=change(FIRST))
     assert sorted(file.read_bytes() for file in tmp_path.rglob("*.json")) == before
 
 

@@ -29,6 +29,8 @@ from duobench.world.robot.joints import HOME_JOINTS
 from tests.real.rigs import put
 from tests.real.sessions import toys
 from tests.real.sessions.operator import (
+    LAST,
+    ONE,
     POLICIES,
     STEPS,
     Operator,
@@ -36,11 +38,9 @@ from tests.real.sessions.operator import (
     only_record,
     played,
     records,
+    trials,
 )
 from tests.web.pages import open_page, wait_until
-
-LAST = 5
-ONE = [(f"{toys.MODULE}:Patient", "")]
 
 
 def reasons(stand: Stand) -> list[str]:
@@ -56,19 +56,13 @@ def invalid(stand: Stand) -> list[InvalidTrial]:
 
 def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path: Path) -> None:
     def script(operator: Operator) -> None:
-        operator.begin()
-        operator.press(1)
-        operator.next_chunk(lambda: operator.fail(Side.LEFT, "no answer", FaultKind.COMMUNICATION))
+        operator.fail_in_trial(1, "no answer", FaultKind.COMMUNICATION)
         operator.attempt(2)
         assert "no answer" in operator.status["message"]
-        operator.until(lambda status: status["fault"])
-        operator.say("recover")
-        operator.until(lambda status: not status["fault"])
-        operator.begin()
-        operator.play([[2]])
-        operator.finish()
+        operator.recover()
+        operator.trial(2)
 
-    stand = played(tmp_path / "t", script, ONE)
+    stand = played(tmp_path / "t", script)
     record, judged = only_record(stand)
     (one,) = judged.repeated
     assert record.final_stage == 2
@@ -84,13 +78,11 @@ def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path:
 
 def test_reflex_counts_against_the_policy(tmp_path: Path) -> None:
     def script(operator: Operator) -> None:
-        operator.begin()
-        operator.press(1)
-        operator.next_chunk(lambda: operator.fail(Side.RIGHT, "cartesian_reflex"))
+        operator.fail_in_trial(1, "cartesian_reflex")
         assert "counts against the policy" in operator.phase("judging")["message"]
         operator.finish()
 
-    stand = played(tmp_path / "t", script, ONE)
+    stand = played(tmp_path / "t", script)
     record, judged = only_record(stand)
     assert (record.final_stage, record.success, record.truncated) == (1, False, True)
     assert judged.fault is FaultKind.CONTACT
@@ -104,9 +96,7 @@ def test_what_a_person_or_our_controller_did_is_asked_about_and_never_counts(
     kind: FaultKind, tmp_path: Path
 ) -> None:
     def script(operator: Operator) -> None:
-        operator.begin()
-        operator.press(2)
-        operator.next_chunk(lambda: operator.fail(Side.LEFT, "User Stop pressed!", kind))
+        operator.fail_in_trial(2, "User Stop pressed!", kind)
         status = operator.phase("judging")
         assert "User Stop" in status["message"]
         assert "never counts" in status["message"]
@@ -115,13 +105,10 @@ def test_what_a_person_or_our_controller_did_is_asked_about_and_never_counts(
         operator.until(lambda status: status["message"] == NEVER_COUNTS)
         operator.invalid("A visitor came near.")
         assert operator.status["reasons"] == []
-        operator.say("recover")
-        operator.until(lambda status: not status["fault"])
-        operator.begin()
-        operator.play([[1]])
-        operator.finish()
+        operator.recover()
+        operator.trial(1)
 
-    stand = played(tmp_path / "t", script, ONE)
+    stand = played(tmp_path / "t", script)
     record, judged = only_record(stand)
     assert (record.final_stage, judged.fault) == (1, None)
     expected = InvalidTrial(reason="A visitor came near.", stage=2, fault=kind)
@@ -145,10 +132,7 @@ def test_a_stop_while_the_arms_go_home_is_asked_about_as_well(tmp_path: Path) ->
             "somebody",
         )
         put(duo, HOME_JOINTS + 0.2)
-        operator.phase("placing")
-        operator.say("placed")
-        operator.phase("ready")
-        operator.say("start")
+        operator.start()
         status = operator.phase("judging")
         ticker.stop()
         assert "User Stop" in status["message"]
@@ -156,7 +140,7 @@ def test_a_stop_while_the_arms_go_home_is_asked_about_as_well(tmp_path: Path) ->
         operator.invalid("A visitor came near.")
         operator.stand.session.stop()
 
-    stand = played(tmp_path / "t", script, ONE, is_complete=False)
+    stand = played(tmp_path / "t", script, is_complete=False)
     (found,) = invalid(stand)
     assert (found.fault, found.reason) == (FaultKind.PERSON, "A visitor came near.")
 
@@ -164,9 +148,7 @@ def test_a_stop_while_the_arms_go_home_is_asked_about_as_well(tmp_path: Path) ->
 @pytest.mark.parametrize("counts", [True, False])
 def test_operator_says_whose_doing_a_limit_was(counts: bool, tmp_path: Path) -> None:
     def script(operator: Operator) -> None:
-        operator.begin()
-        operator.press(1)
-        operator.next_chunk(lambda: operator.fail(Side.LEFT, "too far", FaultKind.LIMIT))
+        operator.fail_in_trial(1, "too far", FaultKind.LIMIT)
         assert "the policy's doing" in operator.phase("judging")["message"]
         assert operator.status["reasons"] == []
         if counts:
@@ -175,7 +157,7 @@ def test_operator_says_whose_doing_a_limit_was(counts: bool, tmp_path: Path) -> 
         operator.invalid("Our gains are too soft.")
         operator.stand.session.stop()
 
-    stand = played(tmp_path / "t", script, ONE, is_complete=counts)
+    stand = played(tmp_path / "t", script, is_complete=counts)
     if counts:
         record, judged = only_record(stand)
         assert (record.final_stage, judged.fault) == (1, FaultKind.LIMIT)
@@ -195,7 +177,7 @@ def test_fault_in_the_step_of_the_success_does_not_take_it_back(tmp_path: Path) 
         assert operator.phase("judging")["reasons"] == []
         operator.finish()
 
-    record, judged = only_record(played(tmp_path / "t", script, ONE))
+    record, judged = only_record(played(tmp_path / "t", script))
     assert record.success
     assert judged.fault is FaultKind.PERSON
 
@@ -208,7 +190,7 @@ def test_whether_success_held_is_asked_before_a_trial_counts(tmp_path: Path) -> 
         operator.until(lambda status: status["message"] == ASK_AT_END)
         operator.finish(holds=False)
 
-    record, _ = only_record(played(tmp_path / "t", script, ONE))
+    record, _ = only_record(played(tmp_path / "t", script))
     assert (record.success, record.success_at_end) == (True, False)
 
 
@@ -227,7 +209,7 @@ def test_press_long_after_the_end_counts_at_the_last_step_and_is_marked(
         operator.say("stage", stage=1, time_s=0.2)
         operator.finish()
 
-    stand = played(tmp_path / "t", script, ONE)
+    stand = played(tmp_path / "t", script)
     record, judged = only_record(stand)
     assert record.stage_changes == ((0, 2), (STEPS, LAST))
     assert [press.late for press in judged.presses] == [False, is_late, False]
@@ -251,7 +233,7 @@ def test_operator_holds_the_arms_at_once(tmp_path: Path) -> None:
         operator.phase("judging")
         operator.finish()
 
-    record, judged = only_record(played(tmp_path / "t", script, ONE))
+    record, judged = only_record(played(tmp_path / "t", script))
     assert (record.steps, judged.stopped, judged.fault) == (1, HELD_BY_OPERATOR, None)
 
 
@@ -266,11 +248,9 @@ def test_lost_page_holds_the_arms_and_the_trial_does_not_count(tmp_path: Path) -
         with open_page(operator.stand.server.url) as page:
             again = Operator(page)
             again.attempt(2)
-            again.begin()
-            again.play([])
-            again.finish()
+            again.trial()
 
-    (reason,) = reasons(played(tmp_path / "t", script, ONE))
+    (reason,) = reasons(played(tmp_path / "t", script))
     assert "lost its connection" in reason
 
 
@@ -281,7 +261,7 @@ def test_silent_page_holds_the_arms(tmp_path: Path) -> None:
         operator.attempt(2)
         operator.stand.session.stop()
 
-    stand = played(tmp_path / "t", script, ONE, is_complete=False, silence_s=0.5)
+    stand = played(tmp_path / "t", script, is_complete=False, silence_s=0.5)
     (reason,) = reasons(stand)
     assert "gave no sign" in reason
 
@@ -296,11 +276,9 @@ def test_success_that_was_taken_back_does_not_count(tmp_path: Path) -> None:
         operator.say("finish")
         operator.until(lambda status: "cut short" in status["message"])
         operator.invalid("I pressed the wrong key.")
-        operator.begin()
-        operator.play([[LAST]])
-        operator.finish()
+        operator.trial(LAST)
 
-    stand = played(tmp_path / "t", script, ONE)
+    stand = played(tmp_path / "t", script)
     record, _ = only_record(stand)
     assert (record.success, record.steps) == (True, 1)
     assert reasons(stand) == ["I pressed the wrong key."]
@@ -342,17 +320,14 @@ def test_policy_that_does_not_answer_is_given_up(
         operator.say("give_up")
         assert "Not now" in operator.page.hear_of("refused")["reason"]
         operator.finish()
-        operator.phase("placing")
-        operator.say("placed")
-        operator.phase("ready")
-        operator.say("start")
+        operator.start()
         operator.until(lambda status: status["waits"])  # for its reset
         operator.say("give_up")
         operator.phase("judging")
         operator.finish()
         toys.Patient.gate.release()
 
-    stand = played(tmp_path / "t", script, ONE, episodes=2)
+    stand = played(tmp_path / "t", script, episodes=2)
     ((one, other),) = records(stand.folder).values()
     assert (one.final_stage, other.final_stage) == (2, 0)
     for record in (one, other):
@@ -371,7 +346,7 @@ def test_session_that_is_stopped_does_not_wait_for_its_policy(
         operator.begin()
         operator.stand.session.stop()
 
-    assert played(tmp_path / "t", script, ONE, is_complete=False).session.is_stopped
+    assert played(tmp_path / "t", script, is_complete=False).session.is_stopped
     toys.Patient.gate.release()
 
 
@@ -401,7 +376,7 @@ def test_page_cannot_do_what_is_not_for_now(tmp_path: Path) -> None:
         check(operator, "one line", "note", text="a\nb")
         operator.finish()
 
-    record, _ = only_record(played(tmp_path / "t", script, ONE))
+    record, _ = only_record(played(tmp_path / "t", script))
     assert record.final_stage == 0
 
 
@@ -433,9 +408,7 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
 
     def script(again: Operator) -> None:
         assert again.phase("placing")["trial"]["attempt"] == 2
-        again.begin()
-        again.play([[2]])
-        again.finish()
+        again.trial(2)
 
     stand = played(path, script, POLICIES)
     assert reasons(stand) == [CUT]
@@ -448,7 +421,7 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
 def test_program_that_ends_after_the_outcome_was_seen_is_told_as_a_choice(
     end: str | None, is_chosen: bool, tmp_path: Path
 ) -> None:
-    Stand(tmp_path / "t", ONE, episodes=1).ending.close()
+    Stand(tmp_path / "t").ending.close()
     folder = TrialsFolder(tmp_path / "t")
     log, about = folder.open_log(""), {"trial": 0, "attempt": 1}
     for kind in (LogKind.BEGIN, LogKind.START):
@@ -466,7 +439,7 @@ def test_program_that_ends_after_the_outcome_was_seen_is_told_as_a_choice(
 
 def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
     for episodes in (1, 2):
-        Stand(tmp_path / "t", ONE, episodes=episodes).ending.close()
+        Stand(tmp_path / "t", episodes=episodes).ending.close()
     (tmp_path / "v").mkdir()
     (tmp_path / "v" / "thesis.txt").write_text("mine")
     for folder, policies, error, words in (
@@ -477,7 +450,7 @@ def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
         ("v", ONE, OtherRunError, "not empty"),
     ):
         with pytest.raises(error, match=words):
-            Stand(tmp_path / folder, policies, episodes=1)
+            Stand(tmp_path / folder, policies)
     with locked(tmp_path / "t"), pytest.raises(LockedError), locked(tmp_path / "t"):
         pass
 
@@ -485,17 +458,12 @@ def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
 def test_who_judges_has_a_name_of_one_line(tmp_path: Path) -> None:
     for name in ("a\nb", "a\x1b[2J", " "):
         with pytest.raises(EvaluationError, match="one line"):
-            Stand(tmp_path / "t", ONE, episodes=1, rater=name)
+            Stand(tmp_path / "t", rater=name)
 
 
 def test_removed_record_is_played_again(tmp_path: Path) -> None:
-    def script(operator: Operator) -> None:
-        operator.begin()
-        operator.play([[1]])
-        operator.finish()
-
     for _ in range(2):
-        stand = played(tmp_path / "t", script, ONE)
+        stand = played(tmp_path / "t", trials(1))
         stand.folder.run.record(only_record(stand)[0].key).unlink()
     assert TrialsProgress.of(stand.folder.read_log()).attempts == {0: 2}
     (one,) = invalid(stand)
@@ -503,19 +471,14 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
 
 
 def test_removal_of_a_record_is_told_by_the_one_that_takes_its_place(tmp_path: Path) -> None:
-    def script(operator: Operator) -> None:
-        operator.begin()
-        operator.play([[1]])
-        operator.finish()
-
-    stand = played(tmp_path / "t", script, ONE)
+    stand = played(tmp_path / "t", trials(1))
     stand.folder.run.record(only_record(stand)[0].key).unlink()
-    _, judged = only_record(played(tmp_path / "t", script, ONE))
+    _, judged = only_record(played(tmp_path / "t", trials(1)))
     assert [one.reason for one in judged.repeated] == [REMOVED]
 
 
 def test_entry_says_only_what_there_is_to_say(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", ONE, episodes=1)
+    stand = Stand(tmp_path / "t")
     stand.ending.close()
     log = stand.folder.open_log("now")
     log.add(LogEntry(kind=LogKind.PRESS, trial=0, attempt=1, stage=None, step=3, time_s=0.1))
