@@ -1,6 +1,6 @@
 """Draw the gallery: how every task begins, and its expert as it reaches stage after stage.
 
-`make docs` draws all tasks, writes gallery.md, and shows all tasks at once in tasks.webp.
+`make docs` draws all tasks, and shows all at once in tasks.webp.
 `python docs/gallery.py transfer_cube --out images` draws some tasks into another folder. The
 seeds are fixed, so the same version of everything draws the same images.
 """
@@ -17,7 +17,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import PIL.Image
-from gallery_page import cover, page
+from gallery_page import cover
 from gallery_shots import (
     CAMERA_SIZE,
     FILM,
@@ -54,7 +54,6 @@ from duobench.world.sim.simulation import Simulation
 
 DRAWER = Path(__file__).parent / "tasks"
 """Where the page is."""
-PAGE = "gallery.md"
 COVER = "tasks.webp"
 """The moving image of all tasks, beside the page."""
 COVER_QUALITY = 50
@@ -216,10 +215,10 @@ def sweep(folder: Path) -> None:
 
 
 def main() -> None:
-    """Draw what is asked for; if that is everything, write the page and the cover."""
+    """Draw what is asked for; if that is everything, also the cover."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
-        "tasks", nargs="*", metavar="task", help="ids; default: all, and the page"
+        "tasks", nargs="*", metavar="task", help="ids; default: all, and the cover"
     )
     parser.add_argument("--out", type=Path, default=DRAWER, help="folder of the page")
     given = parser.parse_args()
@@ -231,7 +230,6 @@ def main() -> None:
     if given.tasks:
         return
     sweep(folder)
-    (given.out / PAGE).write_text(page(folder), encoding="utf-8")
     frames = (
         cover({name: film[number] for name, film in films.items()})
         for number in range(FILM_FRAMES)

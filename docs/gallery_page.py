@@ -19,6 +19,7 @@ from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
+PAGE = "gallery.md"
 COVER_WIDTH = 840
 COLUMNS = 3
 """Images in a row of the page."""

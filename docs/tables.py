@@ -1,7 +1,7 @@
-"""Write what follows from the code into pages: tables, and lists of names.
+"""Write what follows from the code into pages: tables, lists of names, and numbers in sentences.
 
-Part of `make docs`. A place for it in a page is `<!-- NAME: written by make docs -->` to
-`<!-- end of NAME -->`.
+Part of `make docs`. A place for a table is `<!-- NAME: written by make docs -->` to
+`<!-- end of NAME -->`, one for a number `<!-- number:NAME -->12<!-- / -->` (constants.py).
 """
 
 import math
@@ -37,13 +37,17 @@ from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 
 DOCS = Path(__file__).parent
-sys.path += [str(DOCS.parent / "examples" / "object_states"), str(DOCS)]
+ROOT = DOCS.parent
+sys.path += [str(ROOT), str(ROOT / "examples" / "object_states"), str(DOCS)]
 baselines = import_module("table")  # of the example
-failures = import_module("failures")  # beside this one
+constants, failures, gallery_page, prints_page = map(
+    import_module, ("constants", "failures", "gallery_page", "prints_page")
+)
 PLACE = re.compile(
     r"(<!-- (?P<name>[\w ]+): written by make docs -->\n)(?P<now>.*?)(<!-- end of (?P=name) -->\n)",
     flags=re.DOTALL,
 )
+NUMBER = re.compile(r"(<!-- number:([\w ]+) -->).*?(<!-- / -->)")
 LISTED = 6
 """Numbers that are named one by one; of more, the first and the last are."""
 TURNS = {
@@ -249,6 +253,111 @@ def serving_modes() -> str:
     return table(headings, rows)
 
 
+LOOKS = (
+    "look",
+    "images",
+    "other light and exposure",
+    "and colours of table, floor, walls, robot",
+    "and their textures",
+    "and 8 to 24 pieces of furniture in the background",
+    "and textures and shades of objects",
+)
+"""Row of the axis `look`, whose levels are words."""
+AXES = (
+    (
+        "camera",
+        "images: offset of the head camera along each axis up to",
+        levels.CAMERA_METRES,
+        1000,
+        " mm",
+    ),
+    (
+        "",
+        "its turn about each axis, and its field of view, up to",
+        levels.CAMERA_RADIANS,
+        180 / math.pi,
+        "°",
+    ),
+    (
+        "layout",
+        "how far beyond the range of training objects start, up to",
+        levels.MARGIN_METRES,
+        1000,
+        " mm",
+    ),
+    (
+        "",
+        "how far they are turned beyond it, up to",
+        levels.MARGIN_RADIANS,
+        180 / math.pi,
+        "°",
+    ),
+    (
+        "physics",
+        "mass of all objects times, or divided by, up to",
+        levels.MASS_FACTORS,
+        1,
+        "",
+    ),
+    (
+        "",
+        "friction of all surfaces times, or divided by, up to",
+        levels.FRICTION_FACTORS,
+        1,
+        "",
+    ),
+    (
+        "",
+        "springs of hinges, with the mass that they move, times, or divided by, up to",
+        levels.SPRING_FACTORS,
+        1,
+        "",
+    ),
+    (
+        "instruction",
+        "share of episodes with one of the task's three kept paraphrases, which no "
+        "demonstration has",
+        levels.REWORDED_SHARE,
+        100,
+        " %",
+    ),
+    (
+        "sensing",
+        "noise in images, standard deviation of full brightness",
+        levels.IMAGE_NOISE,
+        100,
+        " %",
+    ),
+    ("", "frames that each camera drops", levels.DROPPED_SHARE, 100, " %"),
+    (
+        "",
+        "noise in joint positions (mrad), in positions of tools (mm) and in numbers of "
+        "objects (1/1000)",
+        levels.JOINT_NOISE,
+        1000,
+        "",
+    ),
+    (
+        "latency",
+        "control steps from an observation to the chunk that answers it",
+        levels.LATENCY_STEPS,
+        1,
+        "",
+    ),
+)
+"""Axis, what it changes, values by level, and their scale and unit on the page."""
+
+
+def axes() -> str:
+    """Axes of shifts, and what they change at each level."""
+    rows = [
+        (axis, what, *(f"{scale * value:g}{unit}" for value in values[1:]))
+        for axis, what, values, scale, unit in AXES
+    ]
+    headings = ("axis", "what changes", "level 1", "2", "3", "4", "5")
+    return table(headings, [LOOKS, *rows])
+
+
 def lowered() -> str:
     """Tasks whose levels of an axis are lower than those of the others."""
     found = [
@@ -321,33 +430,45 @@ TABLES: Mapping[str, Places] = {
     },
     "results": {"learned from object states": learned("50")},
     "serving": {"modes": serving_modes},
-    "robustness": {"lowered": lowered},
+    "robustness": {"axes": axes, "lowered": lowered},
     "printing": {"prints": prints},
 }
 """What is written into which page, by the name of its place."""
 
 
-def page_of(name: str) -> Path:
-    """Return a page, in whichever drawer it lies."""
-    (page,) = DOCS.glob(f"*/{name}.md")
-    return page
+PAGES = (*sorted(DOCS.rglob("*.md")), ROOT / "README.md")
+WHOLE = {
+    gallery_page.PAGE: lambda: gallery_page.page(DOCS / "tasks" / gallery_page.FOLDER),
+    prints_page.PAGE: lambda: prints_page.page(DOCS / "tasks" / prints_page.FOLDER),
+}
+"""Pages that follow from the code and its pictures altogether."""
 
 
-def written(name: str) -> str:
-    """Return a page with all its places brought up to date.
+def written(page: Path) -> str:
+    """Return a page with all that is written into it brought up to date.
 
     Raises:
-        ValueError: If it has no place for something, or one for what is unknown.
+        ValueError: If it lacks a place for a table, or has one for what is unknown.
     """
-    text = page_of(name).read_text(encoding="utf-8")
+    if page.name in WHOLE:
+        return WHOLE[page.name]()
+    text = page.read_text(encoding="utf-8")
+    tables = TABLES.get(page.stem, {})
     places = [found["name"] for found in PLACE.finditer(text)]
-    if sorted(places) != sorted(TABLES[name]):
+    if sorted(places) != sorted(tables):
+        raise ValueError(f"{page.name} has places for {places}, not for {list(tables)}")
+    unknown = {name for _, name, _ in NUMBER.findall(text)} - set(constants.NUMBERS)
+    if unknown:
+        raise ValueError(f"{page.name} has numbers that constants.py lacks: {unknown}")
+    if re.search(r"^ *<!-- number", text, flags=re.MULTILINE):
         raise ValueError(
-            f"{name}.md has places for {places}, not for {list(TABLES[name])}"
+            f"A line of {page.name} begins with a number's comment, "
+            "which ends a paragraph; break the line elsewhere."
         )
-    return PLACE.sub(lambda at: f"{at[1]}\n{TABLES[name][at['name']]()}\n{at[4]}", text)
+    text = PLACE.sub(lambda at: f"{at[1]}\n{tables[at['name']]()}\n{at[4]}", text)
+    return NUMBER.sub(lambda at: f"{at[1]}{constants.NUMBERS[at[2]]}{at[3]}", text)
 
 
 if __name__ == "__main__":
-    for name in TABLES:
-        page_of(name).write_text(written(name), encoding="utf-8")
+    for page in PAGES:
+        page.write_text(written(page), encoding="utf-8")
