@@ -19,6 +19,7 @@ from duobench.core.types import SIDES
 from duobench.envs import action_labels, spaces
 from duobench.envs.action_modes import ACTION_MODES
 from duobench.policy.serving.vla_eval import MODES
+from duobench.results.entrants import PAPER, published
 from duobench.results.suite import SUITES
 from duobench.tasks import catalog
 from duobench.tasks.shifts import levels
@@ -358,6 +359,22 @@ def axes() -> str:
     return table(headings, [LOOKS, *rows])
 
 
+def paper() -> str:
+    """Success rates and progress that the paper has."""
+    found = published(PAPER)
+    rows = []
+    for name, values in {
+        **found.tasks,
+        "overall": found.means["overall"].values,
+    }.items():
+        row = [f"`{name}`" if name in found.tasks else name]
+        for policy in found.policies:
+            rate, progress = values[policy]
+            row.append(f"{rate:.0f} ({progress:.2f})".replace("(0.", "(."))
+        rows.append(row)
+    return table(("task", *found.policies.values()), rows)
+
+
 def lowered() -> str:
     """Tasks whose levels of an axis are lower than those of the others."""
     found = [
@@ -428,7 +445,7 @@ TABLES: Mapping[str, Places] = {
         "learned from own successes": learned("50-self-150"),
         "learned from images": learned("200-images"),
     },
-    "results": {"learned from object states": learned("50")},
+    "results": {"learned from object states": learned("50"), "paper": paper},
     "serving": {"modes": serving_modes},
     "robustness": {"axes": axes, "lowered": lowered},
     "printing": {"prints": prints},
