@@ -1,5 +1,6 @@
 """Settings of Sphinx for the site, which `make site` builds from what site_stage.py lays out."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -22,7 +23,7 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["files/**"]
 
 # Pages are Markdown as a code host shows it: headings are anchors, colons may fence.
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 4
 
 # Docstrings are in Google's style; a name between single backticks is code.
@@ -43,11 +44,20 @@ smartquotes = False  # two hyphens are an option, and quotes are those of the co
 html_theme = "furo"
 html_title = f"DuoBench {release}"
 html_copy_source = False
+html_domain_indices = False
 html_show_sourcelink = False
 html_static_path = ["site_static"]
 html_css_files = ["site.css"]
 html_theme_options = {"navigation_with_keys": False, "top_of_page_buttons": []}
 
+EXAMPLES = dict(
+    re.findall(
+        r"^## (\S+)\n(.*?)(?=^## |\Z)",
+        (Path(__file__).parent / "site_examples.txt").read_text(encoding="utf-8"),
+        flags=re.DOTALL | re.MULTILINE,
+    )
+)
+"""Examples of the Python API by name, as an interpreter shows them; a test runs each."""
 KEPT: list[str] = []
 """What is said of an attribute, while napoleon reads it."""
 FIELDS = {"attribute", "data", "property"}
@@ -65,7 +75,20 @@ def give_back(*told: object) -> None:
         told[-1][:] = KEPT  # pyright: ignore[reportIndexIssue]
 
 
+def show_example(*told: object) -> None:
+    """Add the example of a name to what is said of it."""
+    name, lines = told[2], told[-1]
+    lines += ["", *EXAMPLES.get(name, "").splitlines(), ""]  # pyright: ignore[reportOperatorIssue]
+
+
+def show_signature(*told: object) -> tuple[object, object]:
+    """Shorten defaults that are no Python, which Sphinx could not read."""
+    signature, returns = told[-2:]
+    return re.sub(r"<[^<>]*>", "...", str(signature or "")) or None, returns
+
+
 def setup(app: object) -> None:
     """Be called before and after napoleon."""
-    for call, priority in ((keep, 1), (give_back, 999)):
+    app.connect("autodoc-process-signature", show_signature)  # pyright: ignore[reportAttributeAccessIssue]
+    for call, priority in ((keep, 1), (give_back, 999), (show_example, 1000)):
         app.connect("autodoc-process-docstring", call, priority=priority)  # pyright: ignore[reportAttributeAccessIssue]
