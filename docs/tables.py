@@ -96,11 +96,6 @@ def object_states() -> str:
     return table(("task", "numbers:", "places", "names", "looks the same after"), rows)
 
 
-def object_states_of(task: Task) -> str:
-    """The order of the numbers of one task."""
-    return table(("places", "names", "looks the same after"), _parts(task))
-
-
 def _parts(task: Task) -> Iterator[tuple[str, str, str]]:
     """Where the numbers are, counted from 0, what they are called, and an object's symmetry."""
     turned = {f"{prop.name}_z_axis_z": prop for prop in task.props}

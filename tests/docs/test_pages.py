@@ -43,11 +43,6 @@ def test_the_code_names_pages_that_there_are() -> None:
     assert named <= {page.stem for page in PAGES}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_somewhere(page: Path) -> None:
-    assert [link for link in links(page) if not (page.parent / link).exists()] == []
-
-
 @pytest.mark.parametrize("page", tables.PAGES, ids=lambda page: page.name)
 def test_what_follows_from_the_code_is_written_into_pages(page: Path) -> None:
     assert tables.written(page) == text_of(page), "run: make docs"
