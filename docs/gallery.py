@@ -46,7 +46,7 @@ from duobench.core.backend import Image
 from duobench.core.errors import DuoBenchError
 from duobench.core.types import Array
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.evaluation.rollout import Info, Observation, Step, rollout
+from duobench.evaluation.rollout import Info, Observation, Step, Watcher, rollout
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.world.sim.rendering import Renderer
@@ -61,7 +61,7 @@ DRAWN = "drawn.json"
 """Beside the images of a task: what they were drawn from."""
 
 
-class StateRecorder:
+class StateRecorder(Watcher):
     """Keeps every state of an episode, and the control steps at which it reached a stage."""
 
     def __init__(self, simulation: Simulation) -> None:
@@ -73,12 +73,10 @@ class StateRecorder:
         """Control step and stage, each time the stage rose."""
 
     def on_episode_start(
-        self,
-        env: gym.Env,  # noqa: ARG002 - the protocol's signature
-        observation: Observation,  # noqa: ARG002 - the protocol's signature
-        info: Info,  # noqa: ARG002
+        self, env: gym.Env, observation: Observation, info: Info
     ) -> None:
         """Keep the start."""
+        del env, observation, info
         self.states.append(self._simulation.get_state())
 
     def on_step(self, step: Step) -> None:
@@ -86,9 +84,6 @@ class StateRecorder:
         self.states.append(self._simulation.get_state())
         if step.info["stage"] > (self.reached[-1][1] if self.reached else 0):
             self.reached.append((step.number, step.info["stage"]))
-
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """Nothing is left to keep."""
 
 
 def moments(reached: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:

@@ -249,109 +249,58 @@ def serving_modes() -> str:
     return table(headings, rows)
 
 
-LOOKS = (
-    "look",
-    "images",
-    "other light and exposure",
-    "and colours of table, floor, walls, robot",
-    "and their textures",
-    "and 8 to 24 pieces of furniture in the background",
-    "and textures and shades of objects",
-)
-"""Row of the axis `look`, whose levels are words."""
-AXES = (
-    (
-        "camera",
-        "images: offset of the head camera along each axis up to",
-        levels.CAMERA_METRES,
-        1000,
-        " mm",
-    ),
-    (
-        "",
-        "its turn about each axis, and its field of view, up to",
-        levels.CAMERA_RADIANS,
-        180 / math.pi,
-        "°",
-    ),
-    (
-        "layout",
-        "how far beyond the range of training objects start, up to",
-        levels.MARGIN_METRES,
-        1000,
-        " mm",
-    ),
-    (
-        "",
-        "how far they are turned beyond it, up to",
-        levels.MARGIN_RADIANS,
-        180 / math.pi,
-        "°",
-    ),
-    (
-        "physics",
-        "mass of all objects times, or divided by, up to",
-        levels.MASS_FACTORS,
-        1,
-        "",
-    ),
-    (
-        "",
-        "friction of all surfaces times, or divided by, up to",
-        levels.FRICTION_FACTORS,
-        1,
-        "",
-    ),
-    (
-        "",
-        "springs of hinges, with the mass that they move, times, or divided by, up to",
-        levels.SPRING_FACTORS,
-        1,
-        "",
-    ),
-    (
-        "instruction",
-        "share of episodes with one of the task's three kept paraphrases, which no "
-        "demonstration has",
-        levels.REWORDED_SHARE,
-        100,
-        " %",
-    ),
-    (
-        "sensing",
-        "noise in images, standard deviation of full brightness",
-        levels.IMAGE_NOISE,
-        100,
-        " %",
-    ),
-    ("", "frames that each camera drops", levels.DROPPED_SHARE, 100, " %"),
-    (
-        "",
-        "noise in joint positions (mrad), in positions of tools (mm) and in numbers of "
-        "objects (1/1000)",
-        levels.JOINT_NOISE,
-        1000,
-        "",
-    ),
-    (
-        "latency",
-        "control steps from an observation to the chunk that answers it",
-        levels.LATENCY_STEPS,
-        1,
-        "",
-    ),
-)
-"""Axis, what it changes, values by level, and their scale and unit on the page."""
+def by_level(values: Iterable[float], unit: str = "", scale: float = 1) -> list[str]:
+    """Return the values of the levels from 1 on, as people read them."""
+    _, *rest = values
+    return [f"{scale * value:g}{unit}" for value in rest]
 
 
 def axes() -> str:
     """Axes of shifts, and what they change at each level."""
-    rows = [
-        (axis, what, *(f"{scale * value:g}{unit}" for value in values[1:]))
-        for axis, what, values, scale, unit in AXES
-    ]
+    degrees = 180 / math.pi
+    rows = {
+        "look | images": (
+            "other light and exposure",
+            "and colours of table, floor, walls, robot",
+            "and their textures",
+            "and 8 to 24 pieces of furniture in the background",
+            "and textures and shades of objects",
+        ),
+        "camera | images: offset of the head camera along each axis up to": by_level(
+            levels.CAMERA_METRES, " mm", 1000
+        ),
+        " | its turn about each axis, and its field of view, up to": by_level(
+            levels.CAMERA_RADIANS, "°", degrees
+        ),
+        "layout | how far beyond the range of training objects start, up to": by_level(
+            levels.MARGIN_METRES, " mm", 1000
+        ),
+        " | how far they are turned beyond it, up to": by_level(
+            levels.MARGIN_RADIANS, "°", degrees
+        ),
+        "physics | mass of all objects times, or divided by, up to": by_level(
+            levels.MASS_FACTORS
+        ),
+        " | friction of all surfaces times, or divided by, up to": by_level(
+            levels.FRICTION_FACTORS
+        ),
+        " | springs of hinges, with the mass that they move, times, or divided by, up "
+        "to": by_level(levels.SPRING_FACTORS),
+        "instruction | share of episodes with one of the task's three kept "
+        "paraphrases, which no demonstration has": by_level(
+            levels.REWORDED_SHARE, " %", 100
+        ),
+        "sensing | noise in images, standard deviation of full brightness": by_level(
+            levels.IMAGE_NOISE, " %", 100
+        ),
+        " | frames that each camera drops": by_level(levels.DROPPED_SHARE, " %", 100),
+        " | noise in joint positions (mrad), in positions of tools (mm) and in numbers "
+        "of objects (1/1000)": by_level(levels.JOINT_NOISE, scale=1000),
+        "latency | control steps from an observation to the chunk that answers "
+        "it": by_level(levels.LATENCY_STEPS),
+    }
     headings = ("axis", "what changes", "level 1", "2", "3", "4", "5")
-    return table(headings, [LOOKS, *rows])
+    return table(headings, [(about, *cells) for about, cells in rows.items()])
 
 
 def paper() -> str:
