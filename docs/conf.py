@@ -3,6 +3,7 @@
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 from duobench.core.versions import __version__
 
@@ -63,32 +64,32 @@ KEPT: list[str] = []
 FIELDS = {"attribute", "data", "property"}
 
 
-def keep(*told: object) -> None:
+def keep(*told: Any) -> None:
     """Remember what is said of an attribute: napoleon takes what precedes a colon for its type."""
     if told[1] in FIELDS:
-        KEPT[:] = list(told[-1])  # pyright: ignore[reportArgumentType]
+        KEPT[:] = list(told[-1])
 
 
-def give_back(*told: object) -> None:
+def give_back(*told: Any) -> None:
     """Say it again."""
     if told[1] in FIELDS:
-        told[-1][:] = KEPT  # pyright: ignore[reportIndexIssue]
+        told[-1][:] = KEPT
 
 
-def show_example(*told: object) -> None:
+def show_example(*told: Any) -> None:
     """Add the example of a name to what is said of it."""
     name, lines = told[2], told[-1]
-    lines += ["", *EXAMPLES.get(name, "").splitlines(), ""]  # pyright: ignore[reportOperatorIssue]
+    lines += ["", *EXAMPLES.get(name, "").splitlines(), ""]
 
 
-def show_signature(*told: object) -> tuple[object, object]:
+def show_signature(*told: Any) -> tuple[str | None, str | None]:
     """Shorten defaults that are no Python, which Sphinx could not read."""
     signature, returns = told[-2:]
-    return re.sub(r"<[^<>]*>", "...", str(signature or "")) or None, returns
+    return signature and re.sub(r"<[^<>]*>", "...", signature), returns
 
 
-def setup(app: object) -> None:
+def setup(app: Any) -> None:
     """Be called before and after napoleon."""
-    app.connect("autodoc-process-signature", show_signature)  # pyright: ignore[reportAttributeAccessIssue]
+    app.connect("autodoc-process-signature", show_signature)
     for call, priority in ((keep, 1), (give_back, 999), (show_example, 1000)):
-        app.connect("autodoc-process-docstring", call, priority=priority)  # pyright: ignore[reportAttributeAccessIssue]
+        app.connect("autodoc-process-docstring", call, priority=priority)

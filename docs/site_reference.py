@@ -46,50 +46,16 @@ PACKAGES = (
 )
 """Packages whose names are public, in the order in which people meet them."""
 OPTIONS = {
-    "Environments": (
-        "`duobench.make(task, **options)` takes the fields as keywords.",
-        (
-            EnvConfig,
-            Look,
-            Shift,
-        ),
-    ),
-    "Policies": (
-        "What a policy says of itself in `metadata`.",
-        (PolicyMetadata,),
-    ),
-    "Evaluations": (
-        "What `duobench eval` plays.",
-        (SuiteChoice,),
-    ),
-    "Exports": (
-        "Options of `duobench export lerobot`.",
-        (ExportOptions,),
-    ),
+    "Environments, `duobench.make`": (EnvConfig, Look, Shift),
+    "Policies, `metadata`": (PolicyMetadata,),
+    "Evaluations, `duobench eval`": (SuiteChoice,),
+    "Exports, `duobench export lerobot`": (ExportOptions,),
 }
-"""Data classes by heading, and what they are for."""
 SCHEMAS = {
-    "A run": (
-        "`run.json` of a folder that `duobench eval` writes.",
-        (Run, TimeLimits),
-    ),
-    "A record": (
-        "One file an episode in `records/`.",
-        (Record,),
-    ),
-    "An episode of a data set": (
-        "Metadata in the header of each Parquet file.",
-        (EpisodeInfo,),
-    ),
-    "A rig": (
-        "The file that describes real arms.",
-        (
-            Rig,
-            ArmConfig,
-            GripperConfig,
-            CameraConfig,
-        ),
-    ),
+    "A run, `run.json`": (Run, TimeLimits),
+    "A record, `records/*/*/*.json`": (Record,),
+    "An episode of a data set, the header of its Parquet file": (EpisodeInfo,),
+    "A rig, `rig.json`": (Rig, ArmConfig, GripperConfig, CameraConfig),
 }
 
 
@@ -113,11 +79,11 @@ def python() -> str:
     return "\n".join(lines)
 
 
-def classes(title: str, of: Mapping[str, tuple[str, tuple[type, ...]]]) -> str:
+def classes(title: str, of: Mapping[str, tuple[type, ...]]) -> str:
     """Return a page on the fields of data classes."""
     lines = [f"# {title}", ""]
-    for heading, (about, kinds) in of.items():
-        lines += [f"## {heading}", "", about, ""]
+    for heading, kinds in of.items():
+        lines += [f"## {heading}", ""]
         for kind in kinds:
             fields = ", ".join(field.name for field in dataclasses.fields(kind))
             options = (f"members: {fields}", "undoc-members", "no-index")
