@@ -1,7 +1,9 @@
 """Settings of Sphinx for the site, which `make site` builds from what site_stage.py lays out."""
 
+import re
 import sys
 from pathlib import Path
+from typing import Any
 
 from duobench.core.versions import __version__
 
@@ -22,7 +24,7 @@ source_suffix = {".md": "markdown"}
 exclude_patterns = ["files/**"]
 
 # Pages are Markdown as a code host shows it: headings are anchors, colons may fence.
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 4
 
 # Docstrings are in Google's style; a name between single backticks is code.
@@ -43,29 +45,51 @@ smartquotes = False  # two hyphens are an option, and quotes are those of the co
 html_theme = "furo"
 html_title = f"DuoBench {release}"
 html_copy_source = False
+html_domain_indices = False
 html_show_sourcelink = False
 html_static_path = ["site_static"]
 html_css_files = ["site.css"]
 html_theme_options = {"navigation_with_keys": False, "top_of_page_buttons": []}
 
+EXAMPLES = dict(
+    re.findall(
+        r"^## (\S+)\n(.*?)(?=^## |\Z)",
+        (Path(__file__).parent / "site_examples.txt").read_text(encoding="utf-8"),
+        flags=re.DOTALL | re.MULTILINE,
+    )
+)
+"""Examples of the Python API by name, as an interpreter shows them; a test runs each."""
 KEPT: list[str] = []
 """What is said of an attribute, while napoleon reads it."""
 FIELDS = {"attribute", "data", "property"}
 
 
-def keep(*told: object) -> None:
+def keep(*told: Any) -> None:
     """Remember what is said of an attribute: napoleon takes what precedes a colon for its type."""
     if told[1] in FIELDS:
-        KEPT[:] = list(told[-1])  # pyright: ignore[reportArgumentType]
+        KEPT[:] = list(told[-1])
 
 
-def give_back(*told: object) -> None:
+def give_back(*told: Any) -> None:
     """Say it again."""
     if told[1] in FIELDS:
-        told[-1][:] = KEPT  # pyright: ignore[reportIndexIssue]
+        told[-1][:] = KEPT
 
 
-def setup(app: object) -> None:
+def show_example(*told: Any) -> None:
+    """Add the example of a name to what is said of it."""
+    name, lines = told[2], told[-1]
+    lines += ["", *EXAMPLES.get(name, "").splitlines(), ""]
+
+
+def show_signature(*told: Any) -> tuple[str | None, str | None]:
+    """Shorten defaults that are no Python, which Sphinx could not read."""
+    signature, returns = told[-2:]
+    return signature and re.sub(r"<[^<>]*>", "...", signature), returns
+
+
+def setup(app: Any) -> None:
     """Be called before and after napoleon."""
-    for call, priority in ((keep, 1), (give_back, 999)):
-        app.connect("autodoc-process-docstring", call, priority=priority)  # pyright: ignore[reportAttributeAccessIssue]
+    app.connect("autodoc-process-signature", show_signature)
+    for call, priority in ((keep, 1), (give_back, 999), (show_example, 1000)):
+        app.connect("autodoc-process-docstring", call, priority=priority)

@@ -1,6 +1,6 @@
 """Draw the gallery: how every task begins, and its expert as it reaches stage after stage.
 
-`make docs` draws all tasks, writes gallery.md, and shows all tasks at once in tasks.webp.
+`make docs` draws all tasks, and shows all at once in tasks.webp.
 `python docs/gallery.py transfer_cube --out images` draws some tasks into another folder. The
 seeds are fixed, so the same version of everything draws the same images.
 """
@@ -17,7 +17,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import PIL.Image
-from gallery_page import cover, page
+from gallery_page import cover
 from gallery_shots import (
     CAMERA_SIZE,
     FILM,
@@ -46,7 +46,7 @@ from duobench.core.backend import Image
 from duobench.core.errors import DuoBenchError
 from duobench.core.types import Array
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.evaluation.rollouts import Info, Observation, Step, rollout
+from duobench.evaluation.rollouts import Info, Observation, Step, Watcher, rollout
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.world.sim.rendering import Renderer
@@ -54,7 +54,6 @@ from duobench.world.sim.simulation import Simulation
 
 DRAWER = Path(__file__).parent / "tasks"
 """Where the page is."""
-PAGE = "gallery.md"
 COVER = "tasks.webp"
 """The moving image of all tasks, beside the page."""
 COVER_QUALITY = 50
@@ -62,7 +61,7 @@ DRAWN = "drawn.json"
 """Beside the images of a task: what they were drawn from."""
 
 
-class StateRecorder:
+class StateRecorder(Watcher):
     """Keeps every state of an episode, and the control steps at which it reached a stage."""
 
     def __init__(self, simulation: Simulation) -> None:
@@ -74,12 +73,10 @@ class StateRecorder:
         """Control step and stage, each time the stage rose."""
 
     def on_episode_start(
-        self,
-        env: gym.Env,  # noqa: ARG002 - the protocol's signature
-        observation: Observation,  # noqa: ARG002 - the protocol's signature
-        info: Info,  # noqa: ARG002
+        self, env: gym.Env, observation: Observation, info: Info
     ) -> None:
         """Keep the start."""
+        del env, observation, info
         self.states.append(self._simulation.get_state())
 
     def on_step(self, step: Step) -> None:
@@ -87,9 +84,6 @@ class StateRecorder:
         self.states.append(self._simulation.get_state())
         if step.info["stage"] > (self.reached[-1][1] if self.reached else 0):
             self.reached.append((step.number, step.info["stage"]))
-
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """Nothing is left to keep."""
 
 
 def moments(reached: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
@@ -216,10 +210,10 @@ def sweep(folder: Path) -> None:
 
 
 def main() -> None:
-    """Draw what is asked for; if that is everything, write the page and the cover."""
+    """Draw what is asked for; if that is everything, also the cover."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
-        "tasks", nargs="*", metavar="task", help="ids; default: all, and the page"
+        "tasks", nargs="*", metavar="task", help="ids; default: all, and the cover"
     )
     parser.add_argument("--out", type=Path, default=DRAWER, help="folder of the page")
     given = parser.parse_args()
@@ -231,7 +225,6 @@ def main() -> None:
     if given.tasks:
         return
     sweep(folder)
-    (given.out / PAGE).write_text(page(folder), encoding="utf-8")
     frames = (
         cover({name: film[number] for name, film in films.items()})
         for number in range(FILM_FRAMES)

@@ -19,6 +19,7 @@ from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
+PAGE = "gallery.md"
 COVER_WIDTH = 840
 COLUMNS = 3
 """Images in a row of the page."""
@@ -90,7 +91,7 @@ def section(task: Task, folder: Path) -> Iterator[str]:
     """Give the lines of one task."""
     yield f"### {task.title}"
     yield ""
-    yield explanation(task.id)
+    yield section_of(task.id, "Task")
     yield ""
     facts = [
         f"`{task.id}`",
@@ -148,12 +149,12 @@ def link(task: Task, file: str) -> str:
     return f"{FOLDER}/{task.id}/{file}"
 
 
-def explanation(name: str) -> str:
-    """Return what the documentation of a task's module says under "Task:", on one line."""
+def section_of(name: str, heading: str) -> str:
+    """Return what the documentation of a task's module says under a heading, on one line."""
     text = cleandoc(import_module(f"duobench.tasks.{name}").__doc__ or "")
-    found = re.search(r"^Task:\n((?:    .*\n)+)", text, flags=re.MULTILINE)
+    found = re.search(rf"^{heading}:\n((?:    .*\n?|\n)+)", text, flags=re.MULTILINE)
     if found is None:
         raise DuoBenchError(
-            f"The docstring of duobench.tasks.{name} has no section 'Task:'."
+            f"The docstring of duobench.tasks.{name} has no section {heading!r}."
         )
     return " ".join(found[1].split())

@@ -14,7 +14,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import PIL.Image
-from prints_page import DRAWN, FOLDER, JOBS, PAGE, digest, job, page, together_file
+from prints_page import DRAWN, FOLDER, JOBS, digest, job, together_file
 
 from duobench.core.spatial import SE3
 from duobench.printing import PrintJob, lay_out
@@ -194,7 +194,7 @@ def save(image: np.ndarray, path: Path) -> None:
 
 
 def main() -> None:
-    """Draw all pictures and write the page."""
+    """Draw all pictures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=DRAWER / FOLDER)
     out: Path = parser.parse_args().out
@@ -207,8 +207,6 @@ def main() -> None:
         json.dumps({name: digest(job(name)) for name in JOBS}, indent=1) + "\n",
         encoding="utf-8",
     )
-    if out == DRAWER / FOLDER:
-        (DRAWER / PAGE).write_text(page(out), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ DRAWERS: Mapping[str, Drawer] = {
     ),
     "tasks": Drawer(
         title="Tasks",
-        about="A page for each task: how it looks, what counts, what does not, what was reached.",
+        about="A page for each task: how it looks, what counts, what does not.",
         chapters={
             "The eleven tasks": tuple(catalog.names()),
             "All tasks": ("gallery", "stages", "object_states", "looks"),

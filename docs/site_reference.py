@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import importlib
 import inspect
 import json
 import re
-import types
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import tyro
-from sphinx.pycode import ModuleAnalyzer
 from tables import table
 
 from duobench.cli.program import COMMANDS, function_of
@@ -23,15 +20,14 @@ from duobench.data.lerobot.options import ExportOptions
 from duobench.data.schema import COLUMNS, EpisodeInfo
 from duobench.envs.config import EnvConfig
 from duobench.policy import PolicyMetadata
-from duobench.real.rig import Rig
+from duobench.real.rig import ArmConfig, CameraConfig, GripperConfig, Rig
 from duobench.results.records import Record
-from duobench.results.run import Run
+from duobench.results.run import Run, TimeLimits
 from duobench.results.suite import SuiteChoice
 from duobench.tasks.shifts.shift import Shift
+from duobench.world.looks.look import Look
 
 DOCS = Path(__file__).parent
-EXAMPLES = DOCS / "site_examples.txt"
-"""Examples of the Python API by name, as an interpreter shows them; a test runs each."""
 MESSAGES = DOCS.parent / "tests" / "errors.json"
 """What the program says when something is wrong; a test provokes each."""
 PACKAGES = (
@@ -48,74 +44,63 @@ PACKAGES = (
     "duobench.world.looks",
     "duobench.printing",
 )
-"""Whose names are public, in the order in which people meet them."""
+"""Packages whose names are public, in the order in which people meet them."""
 OPTIONS = {
-    "Environments": (
-        "`duobench.make(task, **options)` takes the fields as keywords.",
-        EnvConfig,
-    ),
-    "Shifts": ("`EnvConfig.shift`, `duobench eval --shift`.", Shift),
-    "Evaluations": (
-        "Options of `duobench eval` that choose what is played.",
-        SuiteChoice,
-    ),
-    "Exports": ("Options of `duobench export lerobot`.", ExportOptions),
-    "Policies": ("What a policy says of itself in `metadata`.", PolicyMetadata),
+    "Environments, `duobench.make`": (EnvConfig, Look, Shift),
+    "Policies, `metadata`": (PolicyMetadata,),
+    "Evaluations, `duobench eval`": (SuiteChoice,),
+    "Exports, `duobench export lerobot`": (ExportOptions,),
 }
 SCHEMAS = {
-    "A run": ("`run.json` of a folder that `duobench eval` writes.", Run),
-    "A record": ("One file an episode in `records/`.", Record),
-    "An episode of a data set": (
-        "Metadata in the header of each Parquet file.",
-        EpisodeInfo,
-    ),
-    "A rig": ("The file that describes real arms.", Rig),
+    "A run, `run.json`": (Run, TimeLimits),
+    "A record, `records/*/*/*.json`": (Record,),
+    "An episode of a data set, the header of its Parquet file": (EpisodeInfo,),
+    "A rig, `rig.json`": (Rig, ArmConfig, GripperConfig, CameraConfig),
 }
-LONGEST = 60
-"""Characters of a default that is shown whole."""
 
 
-def command_line() -> str:
-    """Return every command, with what its parser takes."""
+def python() -> str:
+    """Return what each package offers, which is what its `__init__` lists."""
     lines = [
-        "# The command line",
+        "# The Python API",
         "",
-        "From the parsers: what `duobench COMMAND --help` says.",
+        "What may be imported from where, and stays. Pages show a few names of other packages, "
+        "which hold for this version. Anything else is private.",
         "",
     ]
-    for words in COMMANDS:
-        parser = parser_of(function_of(words), words)
-        lines += [f"## duobench {words}", "", plain(parser.description or ""), ""]
-        taken = [action for action in parser._actions if action.dest != "help"]
-        lines += [*map(option, taken), ""]
-    return "\n".join(lines) + "\n"
+    for package in PACKAGES:
+        options = ("members", "imported-members", "undoc-members")
+        lines += [f"## {package}", "", *autodoc("module", package, *options)]
+        module = importlib.import_module(package)
+        for name in sorted(module.__all__):
+            value = inspect.unwrap(getattr(module, name))
+            if not (inspect.isclass(value) or inspect.isroutine(value)):
+                lines += autodoc("data", f"{package}.{name}", "no-value")
+    return "\n".join(lines)
 
 
-def parser_of(verb: Callable[..., None], words: str) -> argparse.ArgumentParser:
-    """Return the parser that reads a command's arguments."""
-    with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore", DeprecationWarning
-        )  # nothing else gives it as values
-        return tyro.extras.get_parser(
-            verb, prog=f"duobench {words}", config=(tyro.conf.EnumChoicesFromValues,)
-        )
+def classes(title: str, of: Mapping[str, tuple[type, ...]]) -> str:
+    """Return a page on the fields of data classes."""
+    lines = [f"# {title}", ""]
+    for heading, kinds in of.items():
+        lines += [f"## {heading}", ""]
+        for kind in kinds:
+            fields = ", ".join(field.name for field in dataclasses.fields(kind))
+            options = (f"members: {fields}", "undoc-members", "no-index")
+            lines += autodoc("class", f"{kind.__module__}.{kind.__name__}", *options)
+    return "\n".join(lines)
 
 
-def option(action: argparse.Action) -> str:
-    """Return a line of the list of options: names, what they take, and what that means."""
-    takes = action.metavar if isinstance(action.metavar, str) else ""
-    names = " or ".join(action.option_strings)
-    return f"- `{' '.join(word for word in (names, takes) if word)}`: {plain(action.help or '')}"
-
-
-def options() -> str:
-    """Options of environments, evaluations, exports and policies."""
-    return classes_page("Options", OPTIONS)
+def autodoc(kind: str, name: str, *options: str) -> list[str]:
+    """Return the lines by which autodoc describes a module, a class or a value."""
+    marks = [
+        f"   :{option}" if ":" in option else f"   :{option}:" for option in options
+    ]
+    return ["```{eval-rst}", f".. auto{kind}:: {name}", *marks, "```", ""]
 
 
 def schemas() -> str:
-    """Fields of files, and of what they hold."""
+    """Return the fields of files, and the columns of an episode."""
     rows = [
         (
             f"`{one.name}`",
@@ -126,82 +111,25 @@ def schemas() -> str:
     ]
     told = "## Columns of an episode\n\n`Recording` says [what they hold](python.md)."
     columns = table(("column", "type", "there is one"), rows)
-    return f"{classes_page('Schemas of files', SCHEMAS)}\n{told}\n\n{columns}"
+    return f"{classes('Schemas of files', SCHEMAS)}\n{told}\n\n{columns}"
 
 
-def classes_page(title: str, of: Mapping[str, tuple[str, type]]) -> str:
-    """Return a page on the fields of data classes, with those that are fields of them."""
-    lines = [
-        f"# {title}",
-        "",
-        "From the data classes, whose names stand behind each heading.",
-        "",
-    ]
-    told: set[type] = set()
-    for heading, (about, cls) in of.items():
-        lines += [f"## {heading}: `{cls.__name__}`", "", about, "", fields_table(cls)]
-        told.add(cls)
-        waiting = list(inner(cls))
-        while waiting:
-            one = waiting.pop(0)
-            if one not in told:
-                told.add(one)
-                waiting += inner(one)
-                first = plain((inspect.getdoc(one) or "").partition("\n\n")[0])
-                lines += [f"### `{one.__name__}`", "", first, "", fields_table(one)]
-    return "\n".join(lines) + "\n"
-
-
-def inner(cls: type) -> Iterator[type]:
-    """Give the data classes of the package that are in a class's fields."""
-    hints = inspect.get_annotations(cls, eval_str=False)
-    module = vars(importlib.import_module(cls.__module__))
-    for field in dataclasses.fields(cls):
-        for word in re.findall(r"\w+", str(hints.get(field.name, field.type))):
-            found = module.get(word)
-            if isinstance(found, type) and dataclasses.is_dataclass(found):
-                yield found
-
-
-def fields_table(cls: type) -> str:
-    """Return the fields of a data class with their types, defaults and what is said below them."""
-    told = said_of(cls)
-    rows = []
-    for field in dataclasses.fields(cls):
-        kind = (
-            field.type
-            if isinstance(field.type, str)
-            else inspect.formatannotation(field.type)
-        )
-        rows.append(
-            (f"`{field.name}`", code(kind), default(field), cell(told[field.name]))
-        )
-    return table(("field", "type", "default", "meaning"), rows)
-
-
-def said_of(cls: type) -> dict[str, str]:
-    """Return what stands below each field, in the class or those above it."""
-    found: dict[str, str] = {}
-    for one in reversed(cls.__mro__):
-        if dataclasses.is_dataclass(one):
-            analyzer = ModuleAnalyzer.for_module(one.__module__)
-            for (owner, name), lines in analyzer.find_attr_docs().items():
-                if owner == one.__name__:
-                    found[name] = " ".join(lines)
-    return {field.name: found.get(field.name, "") for field in dataclasses.fields(cls)}
-
-
-def default(field: dataclasses.Field[object]) -> str:
-    """Return the default of a field as code."""
-    if field.default is not dataclasses.MISSING:
-        value = field.default
-        shown = repr(value)
-        return code(
-            type(value).__name__
-            if len(shown) > LONGEST or " object at " in shown
-            else shown
-        )
-    return "" if field.default_factory is dataclasses.MISSING else "empty"
+def command_line() -> str:
+    """Return every command, with what its parser takes."""
+    lines = ["# The command line", "", "What `duobench COMMAND --help` says.", ""]
+    for words in COMMANDS:
+        with warnings.catch_warnings():
+            # Nothing else gives what a parser takes as values.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            parser = tyro.extras.get_parser(
+                function_of(words), config=(tyro.conf.EnumChoicesFromValues,)
+            )
+        lines += [f"## duobench {words}", "", plain(parser.description or ""), ""]
+        for action in parser._actions[1:]:  # without --help
+            names = ", ".join(action.option_strings)
+            taken = f"{names} {action.metavar or ''}".strip()
+            lines += [f"`{taken}`", f": {plain(action.help or '')}", ""]
+    return "\n".join(lines)
 
 
 def messages() -> str:
@@ -219,95 +147,22 @@ def messages() -> str:
     for about, said in known.items():
         group, _, when = about.partition(": ")
         kind, _, sentence = said.partition(": ")
-        groups.setdefault(group, []).append((cell(when), cell(sentence), f"`{kind}`"))
+        groups.setdefault(group, []).append((plain(when), plain(sentence), f"`{kind}`"))
     for group, rows in groups.items():
         lines += [f"## {group[:1].upper()}{group[1:]}", ""]
         lines.append(table(("when", "what is said", "error"), rows))
     return "\n".join(lines) + "\n"
 
 
-def python() -> str:
-    """Return every public name, from its docstring, with its example."""
-    lines = [
-        "# The Python API",
-        "",
-        "What may be imported from where, and stays. Pages show a few names of other packages, "
-        "which hold for this version. Anything else is private.",
-        "",
-    ]
-    shown = examples()
-    for package in PACKAGES:
-        module = importlib.import_module(package)
-        lines += [
-            f"## {package}",
-            "",
-            plain((module.__doc__ or "").partition("\n\n")[0]),
-            "",
-        ]
-        for name in sorted(module.__all__, key=str.lower):
-            lines += [*described(f"{package}.{name}", getattr(module, name))]
-            if (example := shown.pop(f"{package}.{name}", "")) != "":
-                lines += ["```python", example.rstrip(), "```", ""]
-    if shown:
-        raise ValueError(
-            f"{EXAMPLES.name} has examples of {', '.join(shown)}, which are not public"
-        )
-    return "\n".join(lines) + "\n"
-
-
-def described(name: str, value: object) -> Iterator[str]:
-    """Give the lines by which autodoc describes a public name; of a value, its type alone."""
-    if inspect.isclass(value):
-        yield from (
-            "```{eval-rst}",
-            f".. autoclass:: {name}",
-            "   :members:",
-            "```",
-            "",
-        )
-    elif isinstance(
-        inspect.unwrap(value), types.FunctionType
-    ):  # also one that is cached
-        yield from ("```{eval-rst}", f".. autofunction:: {name}", "```", "")
-    else:
-        kind = type(value).__name__
-        yield from (
-            "```{eval-rst}",
-            f".. py:data:: {name}",
-            f"   :type: {kind}",
-            "```",
-            "",
-        )
-
-
-def examples() -> dict[str, str]:
-    """Return the examples by the name that they stand under."""
-    text = EXAMPLES.read_text(encoding="utf-8")
-    found = re.findall(
-        r"^## (\S+)\n(.*?)(?=^## |\Z)", text, flags=re.DOTALL | re.MULTILINE
-    )
-    return {name: example.strip("\n") + "\n" for name, example in found}
-
-
 def plain(text: str) -> str:
-    """Return text of a docstring as Markdown, without what would be taken for marks."""
+    """Return text of a program as Markdown, without what would be taken for marks."""
     return re.sub(r"(?<!`)([<>*_|])(?![^`\n]*`)", r"\\\1", " ".join(text.split()))
-
-
-def cell(text: str) -> str:
-    """Return text as a cell of a table."""
-    return plain(text).replace("\\|", "|").replace("|", "\\|")
-
-
-def code(text: str) -> str:
-    """Return code as a cell of a table."""
-    return f"`{text}`".replace("|", "\\|")
 
 
 REFERENCE: Mapping[str, Callable[[], str]] = {
     "python": python,
     "command_line": command_line,
-    "options": options,
+    "options": lambda: classes("Options", OPTIONS),
     "schemas": schemas,
     "messages": messages,
 }

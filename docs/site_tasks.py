@@ -1,35 +1,26 @@
-"""The page of a task: its film, its words, its stages, what must not count, what was reached."""
+"""The page of a task: its film, its words, its stages, what must not count, what is seen."""
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib import import_module
-from inspect import cleandoc
 from pathlib import Path
 
 import gallery_page
-import prints_page
 from gallery_shots import FILM, FOLDER, camera_file
-from tables import baselines, object_states_of, table
+from tables import table
 
 from duobench.core.types import CONTROL_HZ
-from duobench.results.entrants import AUTHORS, PAPER, WARNING, published, value_of
 from duobench.tasks.task import Task
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
 DOCS = Path(__file__).parent
-LEARNED = baselines.RESULTS
-"""What the networks on object states reached, a folder for each number of demonstrations."""
-TRAINED = re.compile(r"(?P<shown>\d+)(-self-(?P<own>\d+))?(?P<images>-images)?")
-"""Names of the folders that a page tells of."""
-RESULTS = DOCS / "reference" / "results.md"
 
 
 def task_page(task: Task) -> str:
     """Return the page in Markdown."""
-    parts = (begin, stages, ways, views, numbers, looks, printed, reached)
+    parts = (begin, stages, ways, more)
     return "\n".join(line for part in parts for line in part(task)) + "\n"
 
 
@@ -37,7 +28,7 @@ def begin(task: Task) -> Iterator[str]:
     """Film, facts, and what the task says of itself."""
     yield f"# {task.title}"
     yield ""
-    yield gallery_page.explanation(task.id)
+    yield gallery_page.section_of(task.id, "Task")
     yield ""
     yield f"```{{image}} {FOLDER}/{task.id}/{FILM}"
     yield f":alt: The scripted expert in {task.title}"
@@ -58,7 +49,7 @@ def begin(task: Task) -> Iterator[str]:
     ]
     yield table(("fact", "value"), rows)
     for heading in ("Randomization", "Success"):
-        yield f"**{heading}.** {section_of(task.id, heading)}"
+        yield f"**{heading}.** {gallery_page.section_of(task.id, heading)}"
         yield ""
     yield "```sh"
     yield f"duobench eval --policy my_policy:MyPolicy --tasks {task.id} --out runs/{task.id}"
@@ -69,17 +60,6 @@ def begin(task: Task) -> Iterator[str]:
 def told(instruction: str) -> str:
     """Return an instruction whose variants stand out."""
     return re.sub(r"{(\w+)}", r"*\1*", instruction)
-
-
-def section_of(name: str, heading: str) -> str:
-    """Return what the documentation of a task's module says under a heading, on one line."""
-    text = cleandoc(import_module(f"duobench.tasks.{name}").__doc__ or "")
-    found = re.search(rf"^{heading}:\n((?:    .*\n?|\n)+)", text, flags=re.MULTILINE)
-    if found is None:
-        raise ValueError(
-            f"The docstring of duobench.tasks.{name} has no section {heading!r}."
-        )
-    return " ".join(found[1].split())
 
 
 def stages(task: Task) -> Iterator[str]:
@@ -96,7 +76,7 @@ def stages(task: Task) -> Iterator[str]:
     yield from shots(gallery_page.pictured(task, DOCS / "tasks" / FOLDER))
 
 
-def shots(pictures: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> Iterator[str]:
+def shots(pictures: Iterable[tuple[str, str]]) -> Iterator[str]:
     """Give pictures side by side, as many as fit."""
     yield "::::{grid} 1 2 3 3"
     yield ":gutter: 2"
@@ -127,114 +107,24 @@ def ways(task: Task) -> Iterator[str]:
     yield ""
 
 
-def views(task: Task) -> Iterator[str]:
-    """How an episode begins."""
+def more(task: Task) -> Iterator[str]:
+    """Give what pages on all tasks tell of this one."""
     yield "## What a policy sees"
     yield ""
+    cameras = (*POLICY_CAMERAS, OVERVIEW)
     yield from shots(
-        [
-            (
-                f"From the {camera.replace('_', ' ')} camera",
-                f"{FOLDER}/{task.id}/{camera_file(camera)}",
-            )
-            for camera in (*POLICY_CAMERAS, OVERVIEW)
-        ]
+        (
+            f"From the {camera.replace('_', ' ')} camera",
+            gallery_page.link(task, camera_file(camera)),
+        )
+        for camera in cameras
     )
-    yield "The overview camera is for people alone. [Frames](../reference/frames.md) has the units."
-    yield ""
-
-
-def numbers(task: Task) -> Iterator[str]:
-    """The object state."""
-    yield "## Object state"
-    yield ""
-    yield f"`object_state=True` adds {len(task.object_state.names)} numbers, which are "
-    yield "[privileged](object_states.md):"
-    yield ""
-    yield object_states_of(task)
-
-
-def looks(task: Task) -> Iterator[str]:
-    """The same start in several looks."""
-    yield "## Looks"
+    yield "The overview camera is for people alone. [Frames](../reference/frames.md) has the units,"
+    yield f"[object states](object_states.md) the {len(task.object_state.names)} numbers that"
+    yield "`object_state=True` adds."
     yield ""
     yield f"![{task.title} in several looks](looks/{task.id}.jpg)"
     yield ""
-    yield "[Looks](looks.md) names them and says how to make one."
-    yield ""
-
-
-def printed(task: Task) -> Iterator[str]:
-    """The parts, where there are some."""
-    yield "## Printing"
-    yield ""
-    lines = list(prints_page.section(task.id, DOCS / "tasks" / prints_page.FOLDER))
-    yield from lines[2:]  # without its heading
-    yield ""
-    yield "[Printing](printing.md) has files, sizes and masses."
-    yield ""
-
-
-def reached(task: Task) -> Iterator[str]:
-    """Known results: of this implementation, then those that were published elsewhere."""
-    yield "## Known results"
-    yield ""
-    rows = [*expert(task), *learned(task)]
-    yield table(
-        ("here", "success %:", "95 % interval:", "final progress:", "episodes:"), rows
-    )
-    yield "The expert reads the simulator, and networks on object states are told where objects "
-    yield "are: both are privileged. [Results](../reference/results.md), "
-    yield "[baselines](../reference/baselines.md)."
-    yield ""
-    yield f"Published results, {WARNING}:"
-    yield ""
-    rows = []
-    for name in (PAPER, AUTHORS):
-        source = published(name)
-        for policy, title in source.policies.items():
-            value = value_of(source, policy, [task.id])
-            if isinstance(value, int):
-                rows.append(
-                    (f"{title} ({name})", f"{100 * value / source.rollouts:.1f}", "")
-                )
-            elif value is not None:
-                rows.append((f"{title} ({name})", f"{value[0]:g}", f"{value[1]:.2f}"))
-    yield table(("elsewhere", "success %:", "final progress:"), rows)
-
-
-def expert(task: Task) -> Iterator[tuple[str, ...]]:
-    """The row of the page of results."""
-    found = re.search(
-        rf"^\| `{task.id}` \| (\d+) \|", RESULTS.read_text("utf-8"), re.MULTILINE
-    )
-    if found is None:
-        raise ValueError(f"{RESULTS.name} has no row of {task.id!r}")
-    yield ("scripted expert", found[1], "", "", "100")
-
-
-def learned(task: Task) -> Iterator[tuple[str, ...]]:
-    """What the networks reached, all seeds together, in intervals that hold their spread."""
-    for folder in sorted(LEARNED.glob("[0-9]*"), key=lambda one: one.name.zfill(9)):
-        if (found := TRAINED.fullmatch(folder.name)) is None:
-            continue  # demonstrations that were cut, or so many passes over them
-        files = sorted(folder.glob(f"{task.id}-*.json"))
-        runs = [json.loads(file.read_text(encoding="utf-8")) for file in files]
-        if not runs:
-            continue
-        episodes, successes = (
-            sum(run[key] for run in runs) for key in ("episodes", "successes")
-        )
-        rates = [run["successes"] / run["episodes"] for run in runs]
-        low, high = baselines.interval(rates, runs[0]["episodes"])
-        progress = sum(run["progress"] * run["episodes"] for run in runs) / episodes
-        seen = "images" if found["images"] else "object states"
-        own = f" and {found['own']} own successes" if found["own"] else ""
-        seeds = "one seed" if len(runs) == 1 else f"{len(runs)} seeds"
-        yield (
-            f"network on {seen}, {found['shown']} demonstrations{own}, {seeds}",
-            f"{100 * successes / episodes:.1f}",
-            f"{100 * low:.1f}–{100 * high:.1f}",
-            f"{progress:.3f}",
-            str(episodes),
-        )
+    yield "[Looks](looks.md) names them, [printing](printing_parts.md) has the parts,"
+    yield "[results](../reference/results.md) and [baselines](../reference/baselines.md) what was"
+    yield "reached."

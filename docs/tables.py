@@ -1,7 +1,7 @@
-"""Write what follows from the code into pages: tables, and lists of names.
+"""Write what follows from the code into pages: tables, lists of names, and numbers in sentences.
 
-Part of `make docs`. A place for it in a page is `<!-- NAME: written by make docs -->` to
-`<!-- end of NAME -->`.
+Part of `make docs`. A place for a table is `<!-- NAME: written by make docs -->` to
+`<!-- end of NAME -->`, one for a number `<!-- number:NAME -->12<!-- / -->` (constants.py).
 """
 
 import math
@@ -19,6 +19,7 @@ from duobench.core.types import SIDES
 from duobench.envs import action_labels, spaces
 from duobench.envs.action_modes import ACTION_MODES
 from duobench.policy.serving.vla_eval import MODES
+from duobench.results.entrants import PAPER, published
 from duobench.results.suite import SUITES
 from duobench.tasks import catalog
 from duobench.tasks.shifts import levels
@@ -37,13 +38,17 @@ from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 
 DOCS = Path(__file__).parent
-sys.path += [str(DOCS.parent / "examples" / "object_states"), str(DOCS)]
+ROOT = DOCS.parent
+sys.path += [str(ROOT), str(ROOT / "examples" / "object_states"), str(DOCS)]
 baselines = import_module("table")  # of the example
-failures = import_module("failures")  # beside this one
+constants, failures, gallery_page, prints_page = map(
+    import_module, ("constants", "failures", "gallery_page", "prints_page")
+)
 PLACE = re.compile(
     r"(<!-- (?P<name>[\w ]+): written by make docs -->\n)(?P<now>.*?)(<!-- end of (?P=name) -->\n)",
     flags=re.DOTALL,
 )
+NUMBER = re.compile(r"(<!-- number:([\w ]+) -->).*?(<!-- / -->)")
 LISTED = 6
 """Numbers that are named one by one; of more, the first and the last are."""
 TURNS = {
@@ -89,11 +94,6 @@ def object_states() -> str:
             rows.append((*begin, *cells))
             begin = ("", "")
     return table(("task", "numbers:", "places", "names", "looks the same after"), rows)
-
-
-def object_states_of(task: Task) -> str:
-    """The order of the numbers of one task."""
-    return table(("places", "names", "looks the same after"), _parts(task))
 
 
 def _parts(task: Task) -> Iterator[tuple[str, str, str]]:
@@ -249,6 +249,76 @@ def serving_modes() -> str:
     return table(headings, rows)
 
 
+def by_level(values: Iterable[float], unit: str = "", scale: float = 1) -> list[str]:
+    """Return the values of the levels from 1 on, as people read them."""
+    _, *rest = values
+    return [f"{scale * value:g}{unit}" for value in rest]
+
+
+def axes() -> str:
+    """Axes of shifts, and what they change at each level."""
+    degrees = 180 / math.pi
+    rows = {
+        "look | images": (
+            "other light and exposure",
+            "and colours of table, floor, walls, robot",
+            "and their textures",
+            "and 8 to 24 pieces of furniture in the background",
+            "and textures and shades of objects",
+        ),
+        "camera | images: offset of the head camera along each axis up to": by_level(
+            levels.CAMERA_METRES, " mm", 1000
+        ),
+        " | its turn about each axis, and its field of view, up to": by_level(
+            levels.CAMERA_RADIANS, "°", degrees
+        ),
+        "layout | how far beyond the range of training objects start, up to": by_level(
+            levels.MARGIN_METRES, " mm", 1000
+        ),
+        " | how far they are turned beyond it, up to": by_level(
+            levels.MARGIN_RADIANS, "°", degrees
+        ),
+        "physics | mass of all objects times, or divided by, up to": by_level(
+            levels.MASS_FACTORS
+        ),
+        " | friction of all surfaces times, or divided by, up to": by_level(
+            levels.FRICTION_FACTORS
+        ),
+        " | springs of hinges, with the mass that they move, times, or divided by, up "
+        "to": by_level(levels.SPRING_FACTORS),
+        "instruction | share of episodes with one of the task's three kept "
+        "paraphrases, which no demonstration has": by_level(
+            levels.REWORDED_SHARE, " %", 100
+        ),
+        "sensing | noise in images, standard deviation of full brightness": by_level(
+            levels.IMAGE_NOISE, " %", 100
+        ),
+        " | frames that each camera drops": by_level(levels.DROPPED_SHARE, " %", 100),
+        " | noise in joint positions (mrad), in positions of tools (mm) and in numbers "
+        "of objects (1/1000)": by_level(levels.JOINT_NOISE, scale=1000),
+        "latency | control steps from an observation to the chunk that answers "
+        "it": by_level(levels.LATENCY_STEPS),
+    }
+    headings = ("axis", "what changes", "level 1", "2", "3", "4", "5")
+    return table(headings, [(about, *cells) for about, cells in rows.items()])
+
+
+def paper() -> str:
+    """Success rates and progress that the paper has."""
+    found = published(PAPER)
+    rows = []
+    for name, values in {
+        **found.tasks,
+        "overall": found.means["overall"].values,
+    }.items():
+        row = [f"`{name}`" if name in found.tasks else name]
+        for policy in found.policies:
+            rate, progress = values[policy]
+            row.append(f"{rate:.0f} ({progress:.2f})".replace("(0.", "(."))
+        rows.append(row)
+    return table(("task", *found.policies.values()), rows)
+
+
 def lowered() -> str:
     """Tasks whose levels of an axis are lower than those of the others."""
     found = [
@@ -319,35 +389,47 @@ TABLES: Mapping[str, Places] = {
         "learned from own successes": learned("50-self-150"),
         "learned from images": learned("200-images"),
     },
-    "results": {"learned from object states": learned("50")},
+    "results": {"learned from object states": learned("50"), "paper": paper},
     "serving": {"modes": serving_modes},
-    "robustness": {"lowered": lowered},
+    "robustness": {"axes": axes, "lowered": lowered},
     "printing": {"prints": prints},
 }
 """What is written into which page, by the name of its place."""
 
 
-def page_of(name: str) -> Path:
-    """Return a page, in whichever drawer it lies."""
-    (page,) = DOCS.glob(f"*/{name}.md")
-    return page
+PAGES = (*sorted(DOCS.rglob("*.md")), ROOT / "README.md")
+WHOLE = {
+    gallery_page.PAGE: lambda: gallery_page.page(DOCS / "tasks" / gallery_page.FOLDER),
+    prints_page.PAGE: lambda: prints_page.page(DOCS / "tasks" / prints_page.FOLDER),
+}
+"""Pages that follow from the code and its pictures altogether."""
 
 
-def written(name: str) -> str:
-    """Return a page with all its places brought up to date.
+def written(page: Path) -> str:
+    """Return a page with all that is written into it brought up to date.
 
     Raises:
-        ValueError: If it has no place for something, or one for what is unknown.
+        ValueError: If it lacks a place for a table, or has one for what is unknown.
     """
-    text = page_of(name).read_text(encoding="utf-8")
+    if page.name in WHOLE:
+        return WHOLE[page.name]()
+    text = page.read_text(encoding="utf-8")
+    tables = TABLES.get(page.stem, {})
     places = [found["name"] for found in PLACE.finditer(text)]
-    if sorted(places) != sorted(TABLES[name]):
+    if sorted(places) != sorted(tables):
+        raise ValueError(f"{page.name} has places for {places}, not for {list(tables)}")
+    unknown = {name for _, name, _ in NUMBER.findall(text)} - set(constants.NUMBERS)
+    if unknown:
+        raise ValueError(f"{page.name} has numbers that constants.py lacks: {unknown}")
+    if re.search(r"^ *<!-- number", text, flags=re.MULTILINE):
         raise ValueError(
-            f"{name}.md has places for {places}, not for {list(TABLES[name])}"
+            f"A line of {page.name} begins with a number's comment, "
+            "which ends a paragraph; break the line elsewhere."
         )
-    return PLACE.sub(lambda at: f"{at[1]}\n{TABLES[name][at['name']]()}\n{at[4]}", text)
+    text = PLACE.sub(lambda at: f"{at[1]}\n{tables[at['name']]()}\n{at[4]}", text)
+    return NUMBER.sub(lambda at: f"{at[1]}{constants.NUMBERS[at[2]]}{at[3]}", text)
 
 
 if __name__ == "__main__":
-    for name in TABLES:
-        page_of(name).write_text(written(name), encoding="utf-8")
+    for page in PAGES:
+        page.write_text(written(page), encoding="utf-8")

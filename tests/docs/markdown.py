@@ -57,8 +57,9 @@ def table(page: Path, first_heading: str) -> list[Row]:
 
 
 def _rows(block: str) -> list[Row]:
+    shown = re.sub(r"<!--.*?-->", "", block)
     heading, _, *lines = (
-        [cell.strip() for cell in line.split("|")[1:-1]] for line in block.splitlines()
+        [cell.strip() for cell in line.split("|")[1:-1]] for line in shown.splitlines()
     )
     rows = [[cell.replace("`", "") for cell in line] for line in lines]
     return [

@@ -32,4 +32,5 @@ def test_contributing_names_every_verb_of_make() -> None:
     assert verbs
     rows = [row for rows in tables(CONTRIBUTING) for row in rows if "verb" in row]
     listed = [row["verb"].removeprefix("make ") for row in rows]
+    listed.remove("test-NAME")  # stands for those of the second table
     assert sorted(listed) == sorted(verb for verb in verbs if verb != "help")

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.envs.config import EnvConfig
-from tests.docs.markdown import blocks, modules, page_of, run, table
+from tests.docs.markdown import blocks, modules, page_of, run
 
 PAGES = tuple(page_of(name) for name in ("environments", "reinforcement_learning"))
 ELSEWHERE = ("RecordVideo", "stable_baselines3")
@@ -30,8 +29,3 @@ def test_code_runs(code: str, tmp_path: Path) -> None:
 
 def test_programs_have_names() -> None:
     assert "vector.py" in modules(PAGES[0])
-
-
-def test_options_are_those_of_an_environment() -> None:
-    named = {row["option"] for row in table(PAGES[0], "option")}
-    assert named == set(EnvConfig.__dataclass_fields__)

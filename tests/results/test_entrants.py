@@ -20,7 +20,6 @@ from duobench.results.entrants import (
 from duobench.results.tables import cell_text
 from duobench.tasks import catalog
 from duobench.tasks.shifts.shift import Shift
-from tests.docs.markdown import page_of, tables
 from tests.results.outcomes import play
 
 SOME = {"sort": [3, 1, 0]}
@@ -87,17 +86,6 @@ def test_means_are_those_of_the_tasks_but_for_rounding(policy: str) -> None:
         rate, average = mean.values[policy]
         assert rate == pytest.approx(fmean(rates), abs=0.51)
         assert average == pytest.approx(fmean(progress), abs=0.0101)
-
-
-def test_numbers_are_those_of_the_page() -> None:
-    (rows,) = (rows for rows in tables(page_of("results")) if "X-VLA" in rows[0])
-    for row in rows:
-        task = row["task"]
-        values = TABLE.means["overall"].values if task == "overall" else TABLE.tasks[task]
-        for policy, name in TABLE.policies.items():
-            pair: Any = values[policy]
-            rate, progress = pair
-            assert row[name] == f"{rate:.0f} ({progress:.2f})".replace("(0.", "(.")
 
 
 @pytest.mark.parametrize(

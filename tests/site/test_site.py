@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import json
 import re
 from pathlib import Path
@@ -72,38 +70,11 @@ QUESTIONS = {
 """What people ask, and what stands where the answer is."""
 
 
-def reached(clicks: int, pages: set[Path]) -> set[Path]:
-    """What the texts of pages lead to."""
-    for _ in range(clicks):
-        pages = pages | {
-            target
-            for page in pages
-            for link in read(page).links
-            if not link.startswith((*ELSEWHERE, "#"))
-            and (target := read(page).leads_to(link)).suffix == ".html"
-            and target in WRITTEN
-        }
-    return pages
-
-
 @pytest.mark.parametrize("question", QUESTIONS)
 def test_a_question_is_answered_one_click_from_the_first_page(question: str) -> None:
-    answers = [page for page in reached(1, {FIRST}) if QUESTIONS[question] in read(page).text]
-    assert {page for page in answers if page != FIRST}
-
-
-def test_every_page_is_two_clicks_from_the_first_one() -> None:
-    """Over the drawers, without a menu or the search."""
-    far = set(WRITTEN) - reached(2, {FIRST}) - {SITE / "genindex.html"}
-    assert far == set()
-
-
-@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: str(page.relative_to(SITE)))
-def test_the_frame_of_a_page_leads_to_every_drawer(page: Path) -> None:
-    targets = {read(page).leads_to(link) for link in read(page).files}
-    targets |= {page} if "#" in read(page).files else set()
-    for drawer in ("start", "tasks", "guides", "reference", "project"):
-        assert SITE / drawer / "index.html" in targets
+    linked = {read(FIRST).leads_to(link) for link in read(FIRST).links}
+    pages = linked & set(WRITTEN) - {FIRST}
+    assert any(QUESTIONS[question] in read(page).text for page in pages)
 
 
 INDEX = json.loads(
@@ -157,17 +128,8 @@ def test_the_first_page_has_the_commands_and_the_policy_of_the_readme() -> None:
 def test_python_has_every_public_name() -> None:
     anchors = read(SITE / "reference" / "python.html").anchors
     for package, names in SURFACE.items():
-        assert {f"{package}.{name}" for name in names.split()} - anchors == set()
-
-
-def test_python_says_what_every_public_name_is() -> None:
-    text = " ".join(read(SITE / "reference" / "python.html").text.split())
-    for package, names in SURFACE.items():
-        for name in names.split():
-            value = inspect.unwrap(getattr(importlib.import_module(package), name))
-            if inspect.isclass(value) or inspect.isfunction(value):
-                first = " ".join(inspect.cleandoc(value.__doc__ or "").partition("\n\n")[0].split())
-                assert first.replace("`", "") in text, name
+        offered = {f"{package}.{name}" for name in names.split() if name[0] != "_"}
+        assert offered - anchors == set()
 
 
 def test_the_command_line_has_every_command() -> None:
@@ -180,19 +142,6 @@ def test_the_command_line_has_every_command() -> None:
 def test_code_is_shown_as_code(name: str) -> None:
     """A mark of it that is left over stands where something in it ended it, such as a bar."""
     assert "`" not in read(SITE / "reference" / f"{name}.html").text
-
-
-@pytest.mark.parametrize("name", catalog.names())
-def test_the_page_of_a_task_has_all_that_there_is_of_it(name: str) -> None:
-    task, page = catalog.get(name), read(SITE / "tasks" / f"{name}.html")
-    ways = importlib.import_module(f"tests.ways.{name}")
-    for words in (*(one.name for one in task.stages), *ways.ADVERSARIES, *ways.SINCERE):
-        assert " ".join(words.split()) in " ".join(page.text.split())
-    for number in task.object_state.names[:: len(task.object_state.names) - 1]:
-        assert number in page.text
-    for file in (f"replays/{name}.html", ".avif", f"{name}.jpg", "stage_"):
-        assert any(file in each for each in page.files), file
-    assert "measured elsewhere, on other tasks" in page.text
 
 
 def test_real_arms_begin_with_what_was_not_tried() -> None:
