@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 import site_outline
 import tables
-from duobench.evaluation.replay.verify import Verdict
 
 import duobench
 from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import base_of
+from duobench.evaluation.replay.verification import Verdict
 from duobench.policy import PolicyMetadata
-from duobench.real.rig import ArmConfig, CameraDriver
+from duobench.real.catalog import DRIVERS
+from duobench.real.rig import ArmConfig
 from duobench.results.records import Record
 from duobench.world.robot.joints import HOME_JOINTS
 from tests.docs import markdown
@@ -67,11 +68,11 @@ def test_a_number_that_would_break_its_page_is_refused(tmp_path: Path) -> None:
 
 
 FIELDS = (
-    ("environments", "option", fields_of(EnvConfig) - {"control_rate_hz"}),
+    ("environments", "option", fields_of(EnvConfig)),
     ("evaluation", "field", fields_of(Record)),
     ("policies", "field of PolicyMetadata", fields_of(PolicyMetadata)),
     ("real_arms", "field of an arm", fields_of(ArmConfig) - {"driver", "address"}),
-    ("real_cameras", "driver in the rig's file", set(map(str, CameraDriver))),
+    ("real_cameras", "driver in the rig's file", set(DRIVERS["cameras"])),
     ("verification", "verdict", set(map(str, Verdict))),
 )
 """Pages, and what the table with this first heading explains in words of its own, each of it."""
