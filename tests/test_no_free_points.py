@@ -14,6 +14,7 @@ LUCK = 1
 """Moving at random may touch or pinch something now and then, and no more."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", [*IDLE, "random"])
 @pytest.mark.parametrize("name", catalog.names())
 def test_policies_that_know_nothing_get_nothing(name: str, policy: str) -> None:

@@ -258,6 +258,7 @@ def found_by_doctor(done: subprocess.CompletedProcess[str]) -> dict[str, str]:
     return {name: f"{outcome} {words}" for outcome, name, words in (row for row in rows if row[2:])}
 
 
+@pytest.mark.slow
 def test_doctor_looks_at_what_is_left_to_it_by_others(tmp_path: Path) -> None:
     """What a kernel, a shell or a script of a job hands over; all of it is no reason to stop."""
     backend = "module://matplotlib_inline.backend_inline"
@@ -424,6 +425,7 @@ def test_folder_in_use_is_refused_with_who_uses_it(tmp_path: Path, verb: str) ->
     assert refused.endswith(f"wait until process {os.getpid()} is done. Give --out another folder.")
 
 
+@pytest.mark.slow
 def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: Path) -> None:
     """A limit on the size of files stands for a full disk: the system refuses in the same way.
 
@@ -453,6 +455,7 @@ def test_output_that_is_full_is_told_in_a_sentence() -> None:
     assert told.stderr == "error: the output: No space left on device. What is finished is kept.\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", ">&- 2>&- <&-"])
 def test_output_may_be_closed(closed: str) -> None:
     command = f"{shlex.quote(sys.executable)} -m duobench list {closed}"
@@ -460,6 +463,7 @@ def test_output_may_be_closed(closed: str) -> None:
     assert (told.returncode, told.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [">&-", ">&- <&-"])
 def test_processes_of_a_run_are_silent_where_outputs_are_closed(
     tmp_path: Path, closed: str
@@ -472,12 +476,14 @@ def test_processes_of_a_run_are_silent_where_outputs_are_closed(
     assert len(list(tmp_path.glob("run/records/*/*/*.json"))) == 1
 
 
+@pytest.mark.slow
 def test_figures_are_silent_about_a_home_that_cannot_be_written() -> None:
     code = "from duobench.cli import main\nmain(['--version'])\nimport duobench.results.figures"
     homes = {"HOME": "/proc/none", "XDG_CONFIG_HOME": "", "XDG_CACHE_HOME": "", "MPLCONFIGDIR": ""}
     assert python("-P", "-c", code, **homes).stderr == ""
 
 
+@pytest.mark.slow
 def test_output_may_have_any_encoding(tmp_path: Path, evaluate: Told) -> None:
     evaluate(tmp_path / "run")
     done = duobench("report", str(tmp_path / "run"), PYTHONIOENCODING="ascii")
@@ -588,6 +594,7 @@ def test_failures_that_are_kept_and_layouts_of_the_evaluation_are_told(
     assert "2 episodes with layouts that policies are evaluated on: train on others." in exported
 
 
+@pytest.mark.slow
 def test_interrupted_recording_says_that_it_goes_on(tmp_path: Path) -> None:
     words = ["record", "--policy", "hold", "--keep-failures", "--tasks", "bin_sort"]
     with started(*words, "--workers", "0", "--out", str(tmp_path / "demos")) as process:

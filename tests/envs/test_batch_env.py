@@ -437,6 +437,7 @@ def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEn
     assert vector.save_state(0).layout == start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["ball_maze", "pour_marbles"])
 @pytest.mark.parametrize("kind", [{}, ASYNC, {"threads": 1}], ids=["sync", "async", "threads"])
 def test_info_says_the_same_however_episodes_are_made(task: str, kind: dict[str, Any]) -> None:

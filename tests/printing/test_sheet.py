@@ -100,6 +100,7 @@ def turned(task: Task) -> Layout:
     return replace(layout, poses=poses)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("paper", Paper)
 @pytest.mark.parametrize("name", catalog.names())
 def test_all_tiles_together_show_every_outline_once(name: str, paper: Paper) -> None:
@@ -149,6 +150,7 @@ def corners(pages: list[Read]) -> list[tuple[int, int]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("paper", Paper)
 @pytest.mark.parametrize("name", catalog.names())
 def test_sheets_begin_at_the_jig_and_each_lies_beside_an_earlier_one(

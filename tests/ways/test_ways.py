@@ -4,7 +4,9 @@ to the arms that they may use, and get no more than they may.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
+from typing import Any
 
 import pytest
 
@@ -18,6 +20,8 @@ TRIES = 6
 """Seeds that are tried until the deed is done: it may fail by physics, but not on all."""
 SEEDS, MOST = range(5), 4
 """Seeds of layouts on which some ways are all tried, and of how many the deed is done at least."""
+USUAL = 5
+"""Adversaries and sincere ways of a task that `make test` plays; the others are slow."""
 OFTEN = {
     "ball_maze": ("put down", "loses its grip", "loosens"),
     "block_balance": ("hops", "raised, and put on again"),
@@ -40,21 +44,20 @@ def bench_of(task: str) -> TaskHarness:
     return TaskHarness(catalog.get(task))
 
 
-CASES = [
-    *(
-        pytest.param(task, way, id=f"{task}: {name}")
-        for task in catalog.names()
-        for name, way in ways_of(task).ADVERSARIES.items()
-    ),
-    *(
-        marked(task, way, name=f"{task}: {name}")
-        for task in catalog.names()
-        for name, way in ways_of(task).SINCERE.items()
-    ),
-]
+def cases() -> Iterator[Any]:
+    """Every way of every task; those beyond the first few of a task are slow."""
+    for task in catalog.names():
+        ways = ways_of(task)
+        for place, (name, way) in enumerate(ways.ADVERSARIES.items()):
+            marks = (pytest.mark.slow,) if place >= USUAL else ()
+            yield pytest.param(task, way, id=f"{task}: {name}", marks=marks)
+        for place, (name, way) in enumerate(ways.SINCERE.items()):
+            case = marked(task, way, name=f"{task}: {name}")
+            marks = (pytest.mark.slow,) if place >= USUAL else ()
+            yield pytest.param(task, way, id=case.id, marks=(*case.marks, *marks))
 
 
-@pytest.mark.parametrize(("task", "way"), CASES)
+@pytest.mark.parametrize(("task", "way"), cases())
 def test_a_way_gets_what_it_deserves(task: str, way: Way) -> None:
     bench = bench_of(task)
     gets = bench.task.max_stage if way.gets is None else way.gets

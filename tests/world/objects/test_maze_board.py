@@ -61,6 +61,7 @@ def shown(maze: Maze) -> list[Image]:
     return [image for index, image in enumerate(board().images) if index not in hidden]
 
 
+@pytest.mark.slow
 @mazes
 def test_only_start_and_goal_of_a_board_are_coloured(maze: Maze) -> None:
     colours = {}

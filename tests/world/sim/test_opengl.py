@@ -155,6 +155,7 @@ def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) 
     assert "libegl1" in message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", ["egl", ""])
 @pytest.mark.parametrize("device", ["", "0,1", "GPU-8f3a", "MIG-8f3a", "-1", "7000", "0x0", "one"])
 def test_a_device_that_is_none_is_the_one_cause_that_is_named(device: str, asked: str) -> None:
@@ -168,6 +169,7 @@ def test_the_number_of_a_device_may_have_spaces_around_it() -> None:
     assert described(**{ASKED: "egl", DEVICE: " 0 "}) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "variables",
     [
@@ -184,6 +186,7 @@ def test_variables_that_change_nothing_are_no_hindrance(variables: dict[str, str
     assert described(**variables) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "variable", ["__EGL_VENDOR_LIBRARY_FILENAMES", "LIBGL_DRIVERS_PATH", "GALLIUM_DRIVER"]
 )
