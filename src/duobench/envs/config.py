@@ -87,7 +87,7 @@ class EnvConfig:
     look: str | Look = DEFAULT
     """How images look: a name of `duobench.world.looks.catalog.look`, or a look of one's own."""
     shift: Shift = NO_SHIFT
-    """Shift from the usual episodes, see the page robustness."""
+    """Shift from the usual episodes; see the page robustness."""
 
     def __post_init__(self) -> None:
         action_modes.get(self.action_mode)
