@@ -45,9 +45,8 @@ from duobench.cli.shared.console import console
 from duobench.core.backend import Image
 from duobench.core.errors import DuoBenchError
 from duobench.core.types import Array
-from duobench.evaluation import Watcher
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.evaluation.rollout import Info, Observation, Step, rollout
+from duobench.evaluation.rollout import Info, Observation, Step, Watcher, rollout
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.world.sim.rendering import Renderer
