@@ -16,7 +16,7 @@ import tables
 import duobench
 from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import base_of
-from duobench.evaluation.replay import Verdict
+from duobench.evaluation.replay.verify import Verdict
 from duobench.policy import PolicyMetadata
 from duobench.real.rig import ArmConfig, CameraDriver
 from duobench.results.records import Record
