@@ -5,7 +5,6 @@ A place for one is `<!-- number:NAME -->12<!-- / -->`, which a reader of the pag
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
 from inspect import signature
 
 from dev.benchmarks import bounds
@@ -129,7 +128,15 @@ NUMBERS: Mapping[str, str] = {
     "foot front": mm(jig.Foot().front),
     "foot width": mm(jig.Foot().width),
     # Real arms
-    **{f"arm {field.name}": arm(field.name) for field in fields(ArmConfig)[2:-1]},
+    "arm stiffness": arm("stiffness"),
+    "arm damping": arm("damping"),
+    "arm torque_threshold": arm("torque_threshold"),
+    "arm force_threshold": arm("force_threshold"),
+    "arm moment_threshold": arm("moment_threshold"),
+    "arm speed_fraction": arm("speed_fraction"),
+    "arm tool_speed": arm("tool_speed"),
+    "arm acceleration": arm("acceleration"),
+    "arm home_fraction": arm("home_fraction"),
     "gripper force": f"{GripperConfig().newtons:.0f}",
     "gripper silence": f"{robotiq.SILENT_S:g}",
     "largest tool speed": f"{MAX_TOOL_SPEED:g}",

@@ -68,12 +68,23 @@ def python() -> str:
         "which hold for this version. Anything else is private.",
         "",
     ]
+    shown: set[object] = set()
     for package in PACKAGES:
-        options = ("members", "imported-members", "undoc-members")
-        lines += [f"## {package}", "", *autodoc("module", package, *options)]
         module = importlib.import_module(package)
-        for name in sorted(module.__all__):
-            value = inspect.unwrap(getattr(module, name))
+        values = {
+            name: inspect.unwrap(getattr(module, name)) for name in module.__all__
+        }
+        kinds = {name: one for name, one in values.items() if inspect.isclass(one)}
+        again = sorted(name for name, kind in kinds.items() if kind in shown)
+        shown |= set(kinds.values())
+        options = ["members", "imported-members", "undoc-members"]
+        if again:
+            options.append(f"exclude-members: {', '.join(again)}")
+        lines += [f"## {package}", "", *autodoc("module", package, *options)]
+        if again:
+            names = ", ".join(f"`{name}`" for name in again)
+            lines += [f"It also has these, described above: {names}.", ""]
+        for name, value in sorted(values.items()):
             if not (inspect.isclass(value) or inspect.isroutine(value)):
                 lines += autodoc("data", f"{package}.{name}", "no-value")
     return "\n".join(lines)
