@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 OBSERVED = ("agent_pos", "tcp_pose")
 """Parts of the observation that are recorded as they are."""
-UNDECIDED = "Nobody said whether to keep it."
+UNDECIDED = "It was not decided whether to keep it."
 """Reason why an episode that was left undecided is not meant to be used."""
 
 

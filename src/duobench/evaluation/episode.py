@@ -107,7 +107,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
         if wrong is not None:
             return f"its record is another one: {wrong}"
         if self.video is not None and not episode.has_video:
-            return "it has a video that nobody asked for."
+            return "it has a video that was not requested."
         if self.recording is None:
             return None
         try:

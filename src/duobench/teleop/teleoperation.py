@@ -45,7 +45,7 @@ UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
 DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
-AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
+AWAY = "No operator drives: the recording waits until one does."
 
 
 class TeleopState(StrEnum):

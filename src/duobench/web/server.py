@@ -425,7 +425,7 @@ class PageServer:
             case Ping(sent=sent):
                 peer.put("pong", encode(kind="pong", sent=sent))
             case Drive() if self._driver not in (None, peer):
-                return "Somebody else drives. Watch, or take over."
+                return "Another visitor drives. Watch, or take over."
             case Drive() | TakeOver():
                 if self._driver not in (None, peer):
                     self._lose_driver(gives_way=True)

@@ -92,8 +92,8 @@ def make_rig_recorder(
 
 REASONS = {
     FaultKind.PERSON: (
-        "Somebody stopped the arms to protect people, objects or arms.",
-        "Somebody stopped the arms by mistake.",
+        "The operator stopped the arms to protect people, objects or arms.",
+        "The operator stopped the arms by mistake.",
         "A door or a guard of the cell was opened.",
     ),
     FaultKind.CONTROLLER: (

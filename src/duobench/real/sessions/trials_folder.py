@@ -37,7 +37,7 @@ TRIALS_BEGINNINGS = (
     *RUN_BEGINNINGS,
 )
 """Files that an evaluation begins with; without a trial they are worth nothing."""
-REMOVED = "It counted, and its record was removed: somebody had it played again."
+REMOVED = "It counted, and its record was removed, to play it again."
 CUT = "The program ended during the trial."
 """Reason why a trial is invalid whose process was killed."""
 
