@@ -138,8 +138,8 @@ class Resuming:
     retry_broken: bool = False
     """Play the episodes again that failed with an error in an earlier call."""
     fresh: bool = False
-    """Remove the run that is in the folder, whatever it was, and begin anew; of the same run, what
-    this shard has left. A run of which every finished episode failed with an error gives way to a
+    """Remove any run in the folder and begin anew; of the same run, remove only what this shard has
+    left. A run of which every finished episode failed with an error gives way to a
     changed policy too."""
     unplayed_count_as_failures: bool = False
     """Count episodes in which a process dies each of three times as failures, but never where

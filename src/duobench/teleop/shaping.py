@@ -36,7 +36,7 @@ class OneEuro:
         self._speeds = np.zeros((2, 3))
 
     def reset(self) -> None:
-        """Forget the past: the next pose comes out as it is."""
+        """Forget earlier poses: the next one is returned unchanged."""
         self._pose = None
 
     def __call__(self, pose: SE3) -> SE3:
@@ -99,7 +99,7 @@ def within(
     point: Array,
     distance: float,
 ) -> Array:
-    """The point, brought towards a centre as far as it is further away than a distance."""
+    """Move a point towards a centre until it is within a distance."""
     away = point - centre
     size = length(away)
     return point if size <= distance else centre + (distance / size) * away

@@ -321,7 +321,7 @@ class PageServer:
     def _answer(
         self, connection: ServerConnection, request: Request
     ) -> Response | None:
-        """Answer what asks for a file, and turn away who may not connect."""
+        """Serve files, and reject clients that may not connect."""
         if getattr(request, "method", "GET") != "GET":  # websockets 16 takes no other
             answer = connection.respond(
                 http.HTTPStatus.METHOD_NOT_ALLOWED, "Use GET.\n"
@@ -342,7 +342,7 @@ class PageServer:
     def _answer_owner(
         self, connection: ServerConnection, request: Request, url: SplitResult
     ) -> Response | None:
-        """Answer who has the token of this run's pages."""
+        """Serve a client with the token of this run's pages."""
         in_folder = re.match(r"/folder/([^/]+)/", url.path)  # where links are relative
         if not self._admission.has_token(
             f"token={in_folder[1]}" if in_folder else url.query

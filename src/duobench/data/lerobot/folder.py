@@ -73,7 +73,7 @@ class SourceEpisode:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Export:
-    """Everything that the exported files follow from."""
+    """Everything that determines the exported files."""
 
     options: ExportOptions
     suite_version: str

@@ -1,4 +1,4 @@
-"""Sources of the viewer: a task, recorded episodes, and those of a run that may be under way."""
+"""Sources of the viewer: a task, recorded episodes, and episodes of a run, finished or not."""
 
 import time
 from collections.abc import Sequence

@@ -221,8 +221,8 @@ class WorkerProcess:
     def death(self) -> str | None:
         """End of the process in words; None while it lives.
 
-        Its exit code is left to be read again: until then its number, and with it that of its
-        group, is nobody else's.
+        Its exit code is left to be read again: until then no other process gets its number, or
+        that of its group.
         """
         end = os.waitid(
             os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT

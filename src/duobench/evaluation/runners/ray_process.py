@@ -31,8 +31,7 @@ from duobench.evaluation.runners.process import (
 )
 
 AUTH_MODE, TOKEN = "RAY_AUTH_MODE", "token"
-"""Environment variable of Ray, and the value with which nobody gets in without the cluster's
-token."""
+"""Environment variable of Ray, and the value that keeps out clients without the cluster's token."""
 POLL_S = 0.5
 """Seconds that an actor waits for messages before it reports on its process."""
 PROGRESS = b'{"type":"EpisodeProgress"'

@@ -164,7 +164,7 @@ class RigRecording(RigSession):
         )
         self.view = self._terminal = TerminalView(self, operator)
         self.kept = data.kept(self.env.task)
-        """Episodes of the task that are kept, those of earlier sessions counted."""
+        """Number of kept episodes of the task, with those of earlier sessions."""
 
     def run(self) -> int:
         """Record until so many episodes are kept, or the operator ends it; how many are kept."""

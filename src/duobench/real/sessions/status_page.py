@@ -157,7 +157,7 @@ class StatusPage:
     def moving(self) -> Iterator[None]:
         """The page is heard at any time; from now on it must give signs.
 
-        What was pressed before and waits is forgotten: nobody waits for a second motion.
+        Waiting presses are forgotten, so that no second motion follows.
         """
         self._heard = time.monotonic()
         self._forget()
