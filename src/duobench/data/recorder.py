@@ -352,7 +352,7 @@ class Recorder(DuoWrapper):
 
     @property
     def _running(self) -> EpisodeRows | None:
-        """The episode that takes rows; None between episodes, and while one waits."""
+        """Episode that is being recorded; None between episodes, and while one waits."""
         return self._episode if self.pending is None else None
 
     def _seen(

@@ -1,4 +1,4 @@
-"""The watchdog: what can be wrong with the devices of a rig is asked all the time.
+"""Watchdog, which checks the devices of a rig for faults all the time.
 
 An arm that has stopped by itself raises nothing when it is told where to be, and a robot that is
 gone is noticed only because its readings grow old. So everything is asked a hundred times a second,

@@ -1,4 +1,4 @@
-"""Messages of a page: the operator's hands, and what the operator asks for."""
+"""Messages of a page: the operator's hands and requests."""
 
 import math
 import threading

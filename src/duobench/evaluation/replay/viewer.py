@@ -1,4 +1,4 @@
-"""Playing what is viewed: one episode at a time, the same for everybody who has the page open."""
+"""Playback in the viewer: one episode at a time, the same for all visitors of the page."""
 
 import queue
 import threading

@@ -1,4 +1,4 @@
-"""Processes that others start: what both ends say to each other, and how they end.
+"""Child processes: messages between both ends, and the end of a process.
 
 `Transport` is a process as the one sees it that has started it; `WorkerProcess` is one on this
 machine. It leads a process group, in a session of its own. Its parent ends it as a group, and it

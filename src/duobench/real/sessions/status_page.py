@@ -1,4 +1,4 @@
-"""The operator's page: the episode, the outlines, the stages, and what may be done.
+"""The operator's page: the episode, the outlines, the stages, and the possible actions.
 
 Messages arrive in the server's thread; a page that gives no sign while arms may move holds them.
 """

@@ -1,4 +1,4 @@
-"""Two arms at one thing: what counts as bringing it to its place together, all the way.
+"""Coordination: conditions for two arms to bring one object to its place together.
 
 That both arms had it once is worth nothing. What they bring must be in their hands until it is at
 its place; what is let go before, or carried by one arm in between, must be picked up again.

@@ -1,4 +1,4 @@
-"""Plugged together by two arms: what counts as joining two bodies that each arm holds one of.
+"""Joining: conditions for two arms to plug two bodies together, each holding one.
 
 That both arms once held a body each says nothing about who plugged them together. So each arm has
 its own body from before the peg enters the socket until it is deep enough; what is plugged together

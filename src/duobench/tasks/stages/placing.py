@@ -1,4 +1,4 @@
-"""Put down, not dropped: what counts as bringing something to its place and leaving it there.
+"""Placing: conditions for an object to be put down in its place, not dropped, and left there.
 
 No hand lets go at the exact step of the first contact, so a place has some height: what is let go
 there is put down, what is let go above it is dropped. A vessel is what one drops things into: its

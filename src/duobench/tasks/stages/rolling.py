@@ -1,4 +1,4 @@
-"""A ball on a board that is tilted in the air: what counts as its way from a start to a goal."""
+"""Rolling: conditions for a ball's way from start to goal on a board tilted in the air."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
