@@ -51,7 +51,7 @@ CONDITIONS = "conditions"
 VIDEO_SUFFIX = ".webm"
 TRACK_SUFFIX, SCENE_SUFFIX = ".track", ".scene"
 RECORDED = {SUCCESS, FAILURE, ERROR}
-"""How attempts end of which there is a record."""
+"""Ends of attempts that have a record."""
 _WAIT_S = 30.0  # seconds that a writer waits for others, which begin in the folder too
 _REPORT = (
     "index.html",

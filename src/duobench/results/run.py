@@ -42,7 +42,7 @@ MAX_SHARDS = 10_000
     order=True,
 )
 class Shard:
-    """Which part of a run this is: a number from 1 to the count of all parts.
+    """Part of a run: its number from 1 to the count of all parts.
 
     Together all parts are the run, also if episodes are added. They are dealt out one by one, a
     task beginning where the one before began plus one, so that every part has some of each task,
@@ -249,7 +249,7 @@ class Run:
 
     @property
     def software(self) -> Software:
-        """Which source of the benchmark plays it, as records have it."""
+        """Version of the benchmark's source that plays it, as in records."""
         decisive = checksum(self.sources) if self.sources else ""
         return Software(decisive=decisive, package=self.package)
 

@@ -12,7 +12,7 @@ from duobench.world.kinematics.inverse import within_reach
 MIN_CUTOFF_HZ = 1.5
 """Cutoff of the filter for a hand at rest: 1 mm of tracking noise becomes a fifth of it."""
 BETA, BETA_TURN = 20.0, 5.0
-"""How much the cutoff rises, in Hz, for each m/s and each rad/s of the hand."""
+"""Rise of the cutoff in Hz for each m/s and each rad/s of the hand."""
 SPEED_CUTOFF_HZ = 1.0
 """Cutoff of the speed that raises the other one."""
 REACH = 0.78

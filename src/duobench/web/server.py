@@ -48,11 +48,11 @@ IMAGE_KINDS = {
 }
 """Content types of images, films and sheets to print, by their first bytes."""
 _PING_S = 10.0
-"""How often a browser is asked whether it lives, and how long it may take to say so, in seconds."""
+"""Seconds between pings of a browser, and seconds until its answer."""
 _TIMEOUT_S = 2.0
 """Seconds for opening a connection, and for saying goodbye."""
 _LOOK_S = 0.01
-"""How often is looked whether browsers have taken what waits, in seconds."""
+"""Seconds between looks whether browsers have taken waiting messages."""
 SEND_BUFFER = 16 << 10
 """Bytes that the system keeps for a peer that does not read: a dozen frames, and not seconds."""
 FRAME = "frame"

@@ -196,7 +196,7 @@ class StatusPage:
             self._inbox.put(message)
 
     def _hands(self) -> dict[str, list[Side]]:
-        """Which grippers are to be activated, and which hold something."""
+        """Grippers that need activation, and grippers that hold something."""
         if self._session.phase not in {Phase.PLACING, Phase.READY}:
             return {"inactive": [], "holding": []}
         hands = self._session.duo.hands

@@ -32,7 +32,7 @@ AWAY_SECONDS = 1.0
 """Seconds that an object has to be away from a place before it may be brought there anew: an
 object that only hops has been there since it came first [task definitions]."""
 LANDING_DEPTH = 0.001
-"""How far below the top of its support the lowest point of an object on it may seem to be."""
+"""Depth below the top of its support at which the lowest point of an object may seem to be."""
 
 
 def brought_together(

@@ -37,7 +37,7 @@ DROP_HEIGHT = 0.060
 """How high above a vessel's rim, or the floor that a hand under a roof reaches aslant, it may be,
 in metres: no coordination is avoided by some centimetres of air [task definitions]."""
 REST_SECONDS = 0.5
-"""How long an object rests where it was put before it counts, in seconds [task definitions]."""
+"""Seconds that an object has to rest where it was put [task definitions]."""
 
 
 @shared

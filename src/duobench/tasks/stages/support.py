@@ -59,7 +59,7 @@ SHUT_SECONDS = 0.5
 """Seconds in all that the supporting arm may turn the lid shut while the bringing one keeps it
 open, since it was last seen to hold it alone [task definitions]."""
 ANGLE_UNIT = 0.025
-"""How exactly it is known at which angle an arm held the lid, in radians."""
+"""Resolution in radians of the angle at which an arm held the lid."""
 
 
 @dataclass(
