@@ -70,11 +70,9 @@ class FrankaDuo:
         world: RehearsalWorld | None = None,
     ) -> None:
         self.rig, self.clock, self.guard = rig, clock, guard
-        self.arms, self.grippers, self.cameras = (
-            dict(arms),
-            dict(grippers),
-            dict(cameras),
-        )
+        self.arms = dict(arms)
+        self.grippers = dict(grippers)
+        self.cameras = dict(cameras)
         self.world = world
         """World of a rehearsal; None for all other rigs."""
         self.supervisor = Supervisor(self._recover)

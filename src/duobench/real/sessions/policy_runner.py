@@ -228,8 +228,6 @@ class _LastStep(Watcher):
         self.terminated = False
 
     def on_step(self, step: Step) -> None:
-        self.info, self.number, self.terminated = (
-            step.info,
-            step.number,
-            step.terminated,
-        )
+        self.info = step.info
+        self.number = step.number
+        self.terminated = step.terminated

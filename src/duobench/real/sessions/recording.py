@@ -134,12 +134,10 @@ class RigRecording(RigSession):
             raise OptionError(
                 f"A session records at least one episode, got {episodes}."
             )
-        self._operator, self._source, self._data, self._wanted = (
-            operator,
-            source,
-            data,
-            episodes,
-        )
+        self._operator = operator
+        self._source = source
+        self._data = data
+        self._wanted = episodes
         metadata = source.metadata
         (info,) = find_tasks([task])
         horizon = horizon or info.horizon

@@ -188,13 +188,11 @@ class RigSession:
     def begin(self) -> None:
         """Begin another episode: no press of the one before counts for it."""
         self.phase = Phase.PLACING
-        self.note, self.at_end, self.lost, self.is_home, self.reasons = (
-            "",
-            None,
-            "",
-            False,
-            (),
-        )
+        self.note = ""
+        self.at_end = None
+        self.lost = ""
+        self.is_home = False
+        self.reasons = ()
         self.judge.begin()
 
     def place(self) -> None:

@@ -86,12 +86,10 @@ class StatusPage:
 
     def begin(self, layout: Layout, episode: Mapping[str, Any]) -> None:
         """Show another episode, and where its objects shall lie."""
-        self._layout, self._images, self._film, self._ghost_joints = (
-            layout,
-            {},
-            "",
-            None,
-        )
+        self._layout = layout
+        self._images = {}
+        self._film = ""
+        self._ghost_joints = None
         places = [
             each for each in marks_of(self._overlay.task, layout) if each.on_table
         ]
@@ -110,11 +108,9 @@ class StatusPage:
     def publish(self) -> None:
         """Show the session as it is now."""
         session = self._session
-        labels, steps, fault = (
-            session.judge.labels,
-            session.judge.steps,
-            session.duo.fault,
-        )
+        labels = session.judge.labels
+        steps = session.judge.steps
+        fault = session.duo.fault
         self._server.publish_status(
             {
                 "phase": session.phase.value,
