@@ -138,7 +138,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("data split demos --out a b", "--fraction 0.8, or all of some tasks, such as --tasks"),
         ("data chek demos", "Did you mean `duobench data check`?"),
         ("export demos", "Did you mean `duobench export lerobot demos`?"),
-        ("serve --policy hold --host 0.0.0.0", "could be used by anybody"),
+        ("serve --policy hold --host 0.0.0.0", "could be used by everyone"),
         ("serve --policy hodl --port 0", "Did you mean 'hold'"),
         ("serve --policy hold --max-batch 0", "at least one observation"),
         ("serve --policy hold --key-file absent", "Cannot read the key in absent"),

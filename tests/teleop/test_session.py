@@ -218,7 +218,7 @@ def test_a_recording_waits_for_a_driver_who_has_gone(desk: Desk) -> None:
     desk.leave()
     desk.wait(100)
     assert (desk.state, desk.status("step")) == (TeleopState.PAUSED, step)
-    assert "Nobody drives" in desk.status("note")
+    assert "No operator drives" in desk.status("note")
     assert desk.session.env.state_hash() == before
     desk.send(left=1, right=1, shift=UP)
     assert (desk.state, desk.status("step")) == (TeleopState.RECORDING, step + 1)

@@ -51,7 +51,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         episodes: Episodes of each task.
         workers: Processes that play side by side.
         split: Layouts to begin with. Those of eval are the ones that policies are evaluated on:
-            whatever learns from them cannot be evaluated any more.
+            a policy that learns from them cannot be evaluated any more.
         instructions: What the policy is told and the data set says: the task's own instruction, or
             in each episode one that is sampled from it and ten paraphrases.
         keep_failures: Keep every episode, whether it succeeds or not.

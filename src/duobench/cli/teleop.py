@@ -25,7 +25,7 @@ def run(
     leading: tyro.conf.OmitArgPrefixes[LeadingOptions] = _LEADING,
     page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
 ) -> None:
-    """Record episodes that somebody leads from a page in the browser, until Ctrl-C.
+    """Record episodes that an operator leads from a page in the browser, until Ctrl-C.
 
     Open the printed address, and lead both arms by mouse and keys, gamepad or headset; the page
     says how. The environment decides success, and you say which episodes are kept. Layouts are

@@ -153,7 +153,7 @@ class PolicyTimeoutError(PolicyError):
 
     @classmethod
     def of_answer(cls, limit_s: float) -> Self:
-        """The error of an answer that took longer than so many seconds."""
+        """Error of a policy that took longer than some seconds."""
         return cls(
             f"The policy did not answer within {limit_s:g} s, its limit for one reset or act."
         )

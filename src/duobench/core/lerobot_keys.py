@@ -1,4 +1,4 @@
-"""Names of LeRobot and the Hub: columns, where checkpoints are, what stands on cards."""
+"""Names of LeRobot and the Hub: columns, folders of checkpoints, fields of cards."""
 
 import re
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The machine that a process is on: what to install there, its addresses, its parent, its stops.
+"""Machine of this process: software to install, network addresses, parent process, pauses.
 
 The name of this package on the index is not that of the import: `duobench` there is the package of
 the authors of the paper.

@@ -108,7 +108,7 @@ def instruction_number(
     count: int,
     split: str = EVAL,
 ) -> int:
-    """Which of several instructions the episode of a seed has, from 0 to `count` - 1.
+    """Number of the instruction of a seed's episode, from 0 to `count` - 1.
 
     Seed and split are those of the layout.
     """

@@ -1,4 +1,4 @@
-"""A WebSocket server in a thread of its own, so that who computes never waits for a client."""
+"""WebSocket server in a thread of its own, so that computations never wait for a client."""
 
 import asyncio
 import logging

@@ -16,10 +16,11 @@ T = TypeVar("T")
 
 
 def parse(text: str) -> dict[str, Any]:
-    """The JSON object in a text.
+    """Parse the JSON object in a text.
 
     Raises:
-        ValueError: It is none, a key stands twice in one place, or a number is not finite.
+        ValueError: The text is no JSON object, a key stands twice in one place, or a number is not
+            finite.
     """
     document = json.loads(
         text,

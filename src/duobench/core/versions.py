@@ -1,4 +1,4 @@
-"""The version of this package, and what else a score depends on, of which nothing is loaded.
+"""Versions of this package and of everything else that a score depends on; nothing is loaded.
 
 A version number does not tell two checkouts apart: hashes of the source do.
 """

@@ -38,7 +38,7 @@ class Codec:
     container: str
     container_options: Mapping[str, str] = field(default_factory=dict)
     pixel_format: str = "yuv420p"
-    """How a frame is stored; this one needs an even height and width."""
+    """Pixel format of a frame; this one needs an even height and width."""
 
 
 VP9 = Codec(

@@ -1,4 +1,4 @@
-"""The card of a data set, recordings or an export: what the Hub shows, and searches."""
+"""Card of a data set, recordings or an export: its page and search terms on the Hub."""
 
 import shlex
 from collections.abc import Mapping, Sequence

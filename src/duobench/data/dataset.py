@@ -57,7 +57,7 @@ class DataSet:
     """Whether tasks that are not of the benchmark are imported, which runs the code of the modules
     that its episodes name."""
     own_tasks: tuple[str, ...] = ()
-    """Import paths of such tasks that are imported, whatever its episodes name."""
+    """Import paths of tasks that are imported in any case."""
 
     @staticmethod
     def open(

@@ -1,4 +1,4 @@
-"""The page of a data set: what it adds up to, with images, in one file that works offline."""
+"""The page of a data set: its summary, with images, in one file that works offline."""
 
 import base64
 from contextlib import closing

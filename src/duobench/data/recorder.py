@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 OBSERVED = ("agent_pos", "tcp_pose")
 """Parts of the observation that are recorded as they are."""
-UNDECIDED = "Nobody said whether to keep it."
+UNDECIDED = "It was not decided whether to keep it."
 """Reason why an episode that was left undecided is not meant to be used."""
 
 
@@ -352,7 +352,7 @@ class Recorder(DuoWrapper):
 
     @property
     def _running(self) -> EpisodeRows | None:
-        """The episode that takes rows; None between episodes, and while one waits."""
+        """Episode that is being recorded; None between episodes, and while one waits."""
         return self._episode if self.pending is None else None
 
     def _seen(

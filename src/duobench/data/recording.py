@@ -222,7 +222,7 @@ def _info_of(schema: pa.Schema) -> EpisodeInfo:
 
 
 def _numbers(column: Column, rows: pa.Array) -> NDArray[Any]:
-    """The rows of a column, all of which are there and of its type."""
+    """Read the rows of a column, without missing values and of its type."""
     values = rows.flatten() if _is_list(rows) else rows
     if values.type != pa.from_numpy_dtype(column.dtype):
         raise DataError(f"Column {column.name!r} has type {rows.type}.")
@@ -262,7 +262,7 @@ def to_arrow(rows: NDArray[Any], missing: int = 0) -> pa.Array:
 
 
 def to_numpy(column: pa.Array) -> NDArray[Any]:
-    """The rows (T,) or (T, n) of a column, all of which hold something."""
+    """Read the rows (T,) or (T, n) of a column, without missing values."""
     if not _is_list(column):
         return column.to_numpy(zero_copy_only=False)
     if pa.types.is_fixed_size_list(column.type):

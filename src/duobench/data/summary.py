@@ -302,6 +302,6 @@ def _labels(recording: Recording) -> Array:
 
 
 def _at_limit(targets: Array) -> NDArray[np.bool_]:
-    """Which joint targets (T, 14) are at an end of their joint's range (T, 14)."""
+    """Whether each joint target (T, 14) is at an end of its joint's range (T, 14)."""
     low, high = _RANGES.T
     return (targets < low + AT_LIMIT) | (targets > high - AT_LIMIT)

@@ -1,4 +1,4 @@
-"""Action modes: what the numbers of an action may mean.
+"""Action modes: meanings of the numbers of an action.
 
 A further mode is one entry of `ACTION_MODES` and the wrapper that takes its actions.
 """

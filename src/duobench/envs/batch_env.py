@@ -111,11 +111,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             env.get_wrapper_attr("set_rendering")(
                 False
             )  # images of all are rendered here
-        self.num_envs, self.spec, self.render_mode = (
-            num_envs,
-            env.spec,
-            config.render_mode,
-        )
+        self.num_envs = num_envs
+        self.spec = env.spec
+        self.render_mode = config.render_mode
         self.config = config
         """Configuration of the environments."""
         self.object_state_names = self._base.definition.object_state.names

@@ -66,7 +66,7 @@ class SimEnv(DuoEnv):
     policy's, as text, or as the number of one of the task's `instructions`; without it, the
     task's own. Info also holds `layout` (JSON form). A reset raises a LayoutError for a layout that
     is incomplete, overlapping or out of reach, an UnknownNameError where there is no such option,
-    split or look, and an OptionError for a look, a seed or an instruction that is none. Observation
+    split or look, and an OptionError for an invalid look, seed or instruction. Observation
     and info are taken after everything has come to rest.
 
     Args:
@@ -303,7 +303,7 @@ def sim_of(env: gym.Env) -> SimEnv:
     """The `SimEnv` under all wrappers.
 
     Raises:
-        TypeError: There is none: what needs layouts or privileged state needs the simulation.
+        TypeError: The environment is not simulated; layouts and privileged state need that.
     """
     base = base_of(env)
     if not isinstance(base, SimEnv):

@@ -1,4 +1,4 @@
-"""Proprioception as a data set for learning holds it: what the numbers of its state are.
+"""Proprioception as a data set for learning holds it: names of the numbers of its state.
 
 They all stand in one column, since that is the only one that policies of LeRobot, openpi and
 Isaac-GR00T read proprioception from: further ones are carried along, and never seen.

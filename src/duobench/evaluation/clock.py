@@ -1,4 +1,4 @@
-"""Time of an episode: how long it runs and its policy is busy, and what it is spent on."""
+"""Clocks of an episode: its running time, its policy's busy time, and its parts."""
 
 import mmap
 import time

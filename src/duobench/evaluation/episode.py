@@ -67,7 +67,7 @@ class RecordingPlan:
         task: str,
         index: int,
     ) -> bool:
-        """Whether a recording is that of an episode of a task, and one that is kept."""
+        """Whether a recording belongs to an episode of a task, and is kept."""
         return (
             (info.task, info.split) == (task, self.split)
             and info.seed == episode_seed(task, index, self.split)
@@ -107,7 +107,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
         if wrong is not None:
             return f"its record is another one: {wrong}"
         if self.video is not None and not episode.has_video:
-            return "it has a video that nobody asked for."
+            return "it has a video that was not requested."
         if self.recording is None:
             return None
         try:
@@ -244,9 +244,9 @@ class EpisodeRunner:
     def play(self, episode: Episode) -> EpisodeResult:
         """Play one episode.
 
-        Whatever the policy raises, `sys.exit` included, and whatever its actions do to the physics,
-        makes the episode a failed one. A `MachineryError` is no fault of the policy, and other
-        errors mean that it does not fit; see `blame`.
+        The episode fails if the policy raises an error, `sys.exit` included, or if its actions
+        break the physics. A `MachineryError` is no fault of the policy, and other errors mean that
+        it does not fit; see `blame`.
         """
         watch = Stopwatch()
         setting = self._prepare(episode)
@@ -345,7 +345,7 @@ class EpisodeRunner:
             _log.warning("The policy could not be closed.", exc_info=True)
 
     def _prepare(self, episode: Episode) -> _TaskSetup:
-        """Return the setting of a task and a shift; that of others is closed first."""
+        """Return the environment and policy of a task and a shift; those of others are closed."""
         with before_policy(episode.task.id):
             return self._latest.get(
                 (episode.task, episode.shift), lambda: self._make(episode)

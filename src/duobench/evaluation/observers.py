@@ -1,4 +1,4 @@
-"""Observers that a user names: `module:NAME` for what `observers=` takes in Python."""
+"""Observers named by a user as `module:NAME`, in place of objects in `observers=`."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

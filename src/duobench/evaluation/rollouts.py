@@ -81,8 +81,8 @@ def rollout(
     as often as without, and K actions always wait. A policy with a method
     `expect_latency(steps)` is told first.
 
-    Images are rendered only when somebody asks for them: the policy, which sees one observation
-    a chunk, or a watcher that needs frames. At other steps the observation has no `pixels`,
+    Images are rendered only when they are needed: by the policy, which sees one observation a
+    chunk, or by a watcher that needs frames. At other steps the observation has no `pixels`,
     unless a wrapper around the environment is an `ObservationWrapper` or has an observation
     space of its own. A wrapper of any other kind that reads `pixels` must do without them where
     they are missing.

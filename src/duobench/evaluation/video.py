@@ -1,4 +1,4 @@
-"""Videos of episodes, for people: the table, stage and time, and what the policy saw."""
+"""Videos of episodes, for people: the table, stage and time, and the policy's images."""
 
 import io
 import time

@@ -175,7 +175,7 @@ class InferenceLoop:
         )
 
     def _take(self) -> list[PendingChunk]:
-        """The oldest requests that are not cancelled, as many as a batch has."""
+        """Take the oldest requests that are not cancelled, up to the size of a batch."""
         batch: list[PendingChunk] = []
         while self._requests and len(batch) < self._batching.size:
             request = self._requests.popleft()

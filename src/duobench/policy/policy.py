@@ -163,7 +163,7 @@ def dimensions(actions: ArrayLike) -> int:
 
 
 def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.float32]:
-    """The actions that a policy returned, as a checked array that the policy does not have.
+    """Check the actions that a policy returned; return a copy.
 
     Args:
         actions: What `Policy.act` returned.

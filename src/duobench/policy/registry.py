@@ -49,7 +49,7 @@ class PolicyKind(StrEnum):
     #           word, is_scripted, has_process, may_see
     EXPERT = "expert", True, False, False
     BLIND = "blind", True, False, False
-    """The scripted policy without a look at what changes from episode to episode."""
+    """Scripted policy that ignores everything that differs between episodes."""
     BASELINE = "baseline", False, True, False
     LEROBOT = "lerobot", False, True, True
     MODULE = "module", False, True, True
@@ -220,7 +220,7 @@ def make_batched(
 
 
 def no_batches(name: str) -> PolicyError:
-    """The error about batches of a policy that has none."""
+    """Error about the batch of a policy that takes no batches."""
     return PolicyError(
         f"{name} answers one observation at a time, so there are no batches of it. "
         "With `begin` and `act_batch` it would be a duobench.policy.BatchPolicy."

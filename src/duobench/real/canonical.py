@@ -91,7 +91,7 @@ class CanonicalView:
         return float(np.mean(_inside(self._map, self.size)))
 
     def image(self, image: Image, shape: tuple[int, int] = NATIVE) -> Image:
-        """The canonical image of one that came from the camera; never the one that was given.
+        """Make the canonical image of a camera's image, always as a new array.
 
         The shape is height and width; a pixel is the mean of what it covers.
         """

@@ -70,11 +70,9 @@ class FrankaDuo:
         world: RehearsalWorld | None = None,
     ) -> None:
         self.rig, self.clock, self.guard = rig, clock, guard
-        self.arms, self.grippers, self.cameras = (
-            dict(arms),
-            dict(grippers),
-            dict(cameras),
-        )
+        self.arms = dict(arms)
+        self.grippers = dict(grippers)
+        self.cameras = dict(cameras)
         self.world = world
         """World of a rehearsal; None for all other rigs."""
         self.supervisor = Supervisor(self._recover)
@@ -423,7 +421,7 @@ class FrankaDuo:
     # --- readings --------------------------------------------------------------------------------
 
     def read(self) -> DuoState:
-        """The state that was measured last."""
+        """Latest measured state."""
         if self._state is None:
             raise BackendError("The rig is not started.")
         return self._state
@@ -441,7 +439,7 @@ class FrankaDuo:
         return {side: self.grippers[side].read() for side in SIDES}
 
     def frames(self) -> dict[str, Frame]:
-        """The latest frame of each camera that has one, as it came from it."""
+        """Latest frame of each camera that has one, unchanged."""
         latest = {name: camera.latest() for name, camera in self.cameras.items()}
         return {name: frame for name, frame in latest.items() if frame is not None}
 

@@ -134,7 +134,7 @@ def _layout_of(
     seed: int,
     split: str,
 ) -> Layout:
-    """The layout that a reset asks for; without one, only variants, which instructions need."""
+    """Layout of a reset; without one, only variants, which instructions need."""
     if isinstance(given, Layout):
         return given
     if given is not None:

@@ -1,4 +1,4 @@
-"""Both hands at the operator's word: activated, opened, and what they hold before the arms go home.
+"""Both grippers on the operator's word: activated, opened, emptied before the arms go home.
 
 Fingers are never moved by anything else while the arms are held: activation squeezes what is
 between them, and opening drops it.

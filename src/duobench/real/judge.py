@@ -14,7 +14,7 @@ from duobench.tasks.stages.progress import ProgressState
 
 
 class HumanJudge:
-    """The judge of `TaskStages` on real arms: the highest stage that a person declared.
+    """Judge on real arms in place of `TaskStages`: the highest stage that a person declared.
 
     What is declared counts from the next control step on, so that every step has one stage. Labels
     have times of the clock `now`, in seconds.

@@ -210,11 +210,9 @@ class RehearsalWorld:
     def _put(self, layout: Layout, robot: mujoco.MjData) -> None:
         """Put objects where a layout says, as new, beside a robot that stays as it is."""
         simulation, (nq, nv, nu) = self.simulation, self._own
-        qpos, qvel, ctrl = (
-            robot.qpos[:nq].copy(),
-            robot.qvel[:nv].copy(),
-            robot.ctrl[:nu].copy(),
-        )
+        qpos = robot.qpos[:nq].copy()
+        qvel = robot.qvel[:nv].copy()
+        ctrl = robot.ctrl[:nu].copy()
         simulation.reset_data()
         data = simulation.data
         if (

@@ -1,4 +1,4 @@
-"""The watchdog: what can be wrong with the devices of a rig is asked all the time.
+"""Watchdog, which checks the devices of a rig for faults all the time.
 
 An arm that has stopped by itself raises nothing when it is told where to be, and a robot that is
 gone is noticed only because its readings grow old. So everything is asked a hundred times a second,
@@ -26,7 +26,7 @@ STOP_AFTER_S = 30.0
 MAX_ARM_AGE_S = 0.1
 """Oldest reading of an arm that it is moved by, in seconds."""
 MAX_GRIPPER_AGE_S = 0.5
-"""Oldest reading of a gripper, in seconds; one that is told nothing new answers at 30 Hz."""
+"""Oldest reading of a gripper, in seconds; an idle gripper is read at 30 Hz."""
 GRACE_S = 0.5
 """Seconds that an image may be late, while the arms rest, before an episode is lost by it."""
 MAX_FREEZE_S = 0.2

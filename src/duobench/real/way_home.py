@@ -1,4 +1,4 @@
-"""The way home: first a little back along the tools, out of what the fingers were around."""
+"""Way home: first a little back along the tools, so that fingers leave what they enclosed."""
 
 from collections.abc import Iterator, Sequence
 

@@ -51,7 +51,7 @@ CONDITIONS = "conditions"
 VIDEO_SUFFIX = ".webm"
 TRACK_SUFFIX, SCENE_SUFFIX = ".track", ".scene"
 RECORDED = {SUCCESS, FAILURE, ERROR}
-"""How attempts end of which there is a record."""
+"""Ends of attempts that have a record."""
 _WAIT_S = 30.0  # seconds that a writer waits for others, which begin in the folder too
 _REPORT = (
     "index.html",
@@ -323,8 +323,8 @@ class RunFolder(RunReader):
         """Begin a run in this folder, or continue the one that is there.
 
         A run may grow: with more episodes or shifts than before, those that are there stay. A run
-        that has not finished a single episode holds nothing to keep, so that whatever was wrong
-        with it can be corrected, unless another process is writing it: its description is replaced.
+        that has not finished a single episode holds nothing to keep: its description is replaced,
+        so that a mistake in it can be corrected, unless another process is writing it.
 
         Raises:
             OtherRunError: If the folder holds another run, or files that belong to none.

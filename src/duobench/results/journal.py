@@ -33,7 +33,7 @@ class EpisodeTimes:
     simulation: float
     rendering: float
     policy: float
-    """The policy's answers; for one at a server that somebody else runs, until they came."""
+    """Time in which the policy acts; for one at a server of others, until its chunks arrive."""
     waiting: float
     """Time of waiting for the policy's process, and of transport."""
     video: float

@@ -171,15 +171,15 @@ NOT_REPEATABLE = "not repeatable"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FirstAnswer:
-    """Chunks of a policy for the first observation of a run, before anything is played.
+    """Hashes of the first observation of a run and of the policy's chunk for it.
 
-    It is reset and asked, and once more with the same seed and observation.
+    Before anything is played, the policy is reset and acts, twice with the same seed.
     """
 
     question: str
     """SHA-256 of instruction, seed and observation."""
     answer: str
-    """SHA-256 of the answer, or `NOT_REPEATABLE` where the second one has other bits."""
+    """SHA-256 of the chunk, or `NOT_REPEATABLE` if the second one has other bits."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -206,7 +206,7 @@ class Record:
     earlier: tuple[str, ...] = ()
     """End of each earlier attempt, one of `duobench.results.attempts.ENDS`."""
     first_answer: FirstAnswer | None = None
-    """First chunk of the policy in the command that played it; None if it was not asked."""
+    """First chunk of the policy in the command that played it; None if it was not computed."""
     policy: str
     policy_version: str | None
     """Version of the policy; None if unknown."""

@@ -130,7 +130,7 @@ def summary_json(part: RunPart) -> str:
 
 
 def missing_shards(folder: RunFolder, run: Run) -> str:
-    """Which shards of an unfinished run lack episodes, in a sentence; empty if it has no shards."""
+    """Shards of an unfinished run that lack episodes, in a sentence; empty without shards."""
     writers = folder.writers
     counts = {shard.count for shard in writers}
     if len(counts) != 1 or counts == {1}:

@@ -42,7 +42,7 @@ MAX_SHARDS = 10_000
     order=True,
 )
 class Shard:
-    """Which part of a run this is: a number from 1 to the count of all parts.
+    """Part of a run: its number from 1 to the count of all parts.
 
     Together all parts are the run, also if episodes are added. They are dealt out one by one, a
     task beginning where the one before began plus one, so that every part has some of each task,
@@ -138,8 +138,8 @@ class Resuming:
     retry_broken: bool = False
     """Play the episodes again that failed with an error in an earlier call."""
     fresh: bool = False
-    """Remove the run that is in the folder, whatever it was, and begin anew; of the same run, what
-    this shard has left. A run of which every finished episode failed with an error gives way to a
+    """Remove any run in the folder and begin anew; of the same run, remove only what this shard has
+    left. A run of which every finished episode failed with an error gives way to a
     changed policy too."""
     unplayed_count_as_failures: bool = False
     """Count episodes in which a process dies each of three times as failures, but never where
@@ -249,7 +249,7 @@ class Run:
 
     @property
     def software(self) -> Software:
-        """Which source of the benchmark plays it, as records have it."""
+        """Version of the benchmark's source that plays it, as in records."""
         decisive = checksum(self.sources) if self.sources else ""
         return Software(decisive=decisive, package=self.package)
 

@@ -131,8 +131,8 @@ def episodes_that_would_tell(
     """Count the further episodes after which McNemar's test would find the difference seen.
 
     It is Connor's sample size for a test of that level and power, less the episodes played, and at
-    least 1. What was seen is taken for the truth, so the number is a rough one. It is None if no
-    difference was seen.
+    least 1. The observed difference is taken for the true one, so the number is a rough one. None
+    if no difference was observed.
     Source: R. J. Connor, "Sample size for testing differences in proportions for the paired-sample
     design", Biometrics 43 (1987).
     """

@@ -102,7 +102,7 @@ def listed(names: Sequence[str]) -> str:
 
 
 def episodes_text(pair: Pair) -> str:
-    """Which episodes of a pair are compared, or why none are."""
+    """Compared episodes of a pair, or the reason why none are."""
     if pair.obstacle:
         return pair.obstacle
     if pair.is_same:

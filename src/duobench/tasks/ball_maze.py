@@ -51,7 +51,7 @@ from duobench.world.sim.layout import Layout
 LEFT_START, AT_GOAL = 0.020, 0.015
 """Distance in metres of the ball from the start's centre at least, and from the goal's at most."""
 RAISE = 0.010
-"""How far the middle of a lifted board is raised at least, in metres."""
+"""Least height in metres by which the middle of a lifted board is raised."""
 
 
 def _near(cells: Iterable[Cell], radius: float) -> Predicate:

@@ -58,7 +58,7 @@ def _loaded(end: is_.BoxRegion) -> Predicate:
 LEVEL_DEGREES, STANDING_DEGREES = 12.0, 20.0
 """Largest tilts of a level beam and of a block that stands on it."""
 LYING = 0.005
-"""How far below the cube's top a beam on it may seem to be, in metres."""
+"""Depth in metres below the cube's top at which a beam on it may seem to be."""
 BLOCKS = ("left_block", "right_block")
 
 _ON_CUBE = is_.touching("beam", "cube") & is_.off_table("beam")

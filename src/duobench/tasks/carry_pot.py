@@ -36,13 +36,13 @@ from duobench.world.objects.prop import Prop
 
 HANDLES = ("pot/left_handle", "pot/right_handle")
 LIFT = 0.030
-"""How far the pot is raised at least, in metres."""
+"""Least height in metres by which the pot is raised."""
 TILT_DEGREES = 10.0
 """Largest tilt of a pot that stands upright."""
 OFF_CENTRE = (0.10, 0.08)
-"""How far the pot's centre may be from the plate's, along the plate's x and y, in metres."""
+"""Largest distance of the pot's centre from the plate's, along the plate's x and y, in metres."""
 SHOVE = 0.03
-"""How far from there, in metres, both arms may put it down: one arm may shove it that far."""
+"""Distance from there in metres where both arms may put it down: one arm may shove it that far."""
 YAW = math.radians(10)
 """Largest turn of the pot at the start, in radians."""
 

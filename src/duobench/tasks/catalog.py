@@ -103,11 +103,11 @@ def trusted(
         return task
     if ":" not in reference:
         raise UnknownNameError(
-            f"The task {task!r} is none of the benchmark, and nothing says where it is: the "
+            f"The task {task!r} is not in the benchmark, and nothing says where it is: the "
             "environment was made from the task itself, not from its import path."
         )
     if not import_tasks:
-        raise ForeignTaskError(f"The task {reference!r} is none of the benchmark.")
+        raise ForeignTaskError(f"The task {reference!r} is not in the benchmark.")
     return reference
 
 

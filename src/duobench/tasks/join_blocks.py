@@ -28,7 +28,7 @@ from duobench.world.objects.prop import Prop
 from duobench.world.robot.cameras import View
 
 DEPTH = 0.010
-"""How deep a peg is inserted at least, in metres [task definitions]."""
+"""Least depth of an inserted peg, in metres [task definitions]."""
 MAX_YAW = math.radians(15.0)
 LIGHT = (0.86, 0.73, 0.53, 1.0)
 DARK = (0.29, 0.19, 0.12, 1.0)

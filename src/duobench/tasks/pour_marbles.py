@@ -35,9 +35,9 @@ CUPS = {side: f"{side}_cup" for side in SIDES}
 SQUARES = {side: f"{side}_square" for side in SIDES}
 SQUARE_CENTRES = {SQUARES[Side.LEFT]: (0.5, 0.3), SQUARES[Side.RIGHT]: (0.5, -0.3)}
 HALF_SQUARE, RAISE = 0.05, 0.020
-"""How far a cup may be from its square's centre in x and y, and is raised at least, in metres."""
+"""Largest distance of a cup from its square's centre in x and y, and least lift, in metres."""
 SHOVE = 0.03
-"""How far beside its square a cup may be put down, in metres: it may be shoved that far."""
+"""Distance in metres beside its square where a cup may be put down: it may be shoved that far."""
 GREEN, LIGHT = (0.20, 0.62, 0.27, 1.0), (0.92, 0.93, 0.95, 1.0)
 BLUE = (0.10, 0.28, 0.78, 1.0)
 

@@ -44,7 +44,7 @@ from duobench.world.objects.prop import Prop
 
 BLOCK, GATE, MAT = "block", "gate", "mat"
 CROSSING_RADIUS = 0.10
-"""How far from the ring's centre the block's centre may cross, in metres [task definitions]."""
+"""Largest distance in metres of the block's centre from the ring's [task definitions]."""
 OVER_MAT = BoxRegion(
     body=MAT,
     low=(-MAT_EDGE / 2, -MAT_EDGE / 2, 0.0),

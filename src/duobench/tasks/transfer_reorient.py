@@ -43,7 +43,7 @@ from duobench.world.objects.prop import Prop
 
 PEG, BOARD = "peg", "board"
 DEPTH = 0.015
-"""How deep the peg is inserted at least, in metres."""
+"""Least depth of the inserted peg in metres."""
 MAX_YAW = math.radians(30)
 BLUE = (0.12, 0.33, 0.70, 1.0)
 

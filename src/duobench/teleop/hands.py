@@ -105,7 +105,7 @@ class Clutch:
     def follow(self, hand: Hand | None, tool: SE3) -> SE3 | None:
         """Return the pose that a hand, None if lost, leads a tool to from its last command.
 
-        Both poses are in the table frame; there is none while the clutch is open.
+        Both poses are in the table frame; no target while the clutch is open.
         """
         if not self.wants(hand) or hand is None:
             return None
@@ -132,7 +132,7 @@ class TriggeredGripper:
         self._is_followed = False
 
     def lose(self) -> None:
-        """The trigger is out of view; the gripper stays as it is."""
+        """The trigger is out of view; the gripper does not move."""
         self._seen, self._is_followed = None, False
 
     def follow(self, trigger: float) -> None:

@@ -1,4 +1,4 @@
-"""Messages of a page: the operator's hands, and what the operator asks for."""
+"""Messages of a page: the operator's hands and requests."""
 
 import math
 import threading
@@ -15,7 +15,7 @@ from duobench.web.messages import PageMessage
 FARTHEST = 100.0
 """Largest coordinate of a hand in metres; only differences of poses matter."""
 NORM_TOLERANCE = 1e-3
-"""How far the length of a quaternion may be from one."""
+"""Tolerance of the length of a quaternion."""
 LONGEST_INSTRUCTION = 300
 """Characters of an instruction that an operator types."""
 LONGEST_QUEUE = 1024
@@ -24,7 +24,7 @@ LONGEST_QUEUE = 1024
 PageDevice = Literal["mouse", "gamepad", "headset"]
 """Device that drives a page; keys go with the mouse."""
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
-"""How far something is pressed, 0 to 1."""
+"""Pressed share of a trigger, 0 to 1."""
 Pose = tuple[float, float, float, float, float, float, float]
 """x y z in metres, then the quaternion w x y z."""
 

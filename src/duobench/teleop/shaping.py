@@ -12,7 +12,7 @@ from duobench.world.kinematics.inverse import within_reach
 MIN_CUTOFF_HZ = 1.5
 """Cutoff of the filter for a hand at rest: 1 mm of tracking noise becomes a fifth of it."""
 BETA, BETA_TURN = 20.0, 5.0
-"""How much the cutoff rises, in Hz, for each m/s and each rad/s of the hand."""
+"""Rise of the cutoff in Hz for each m/s and each rad/s of the hand."""
 SPEED_CUTOFF_HZ = 1.0
 """Cutoff of the speed that raises the other one."""
 REACH = 0.78
@@ -36,7 +36,7 @@ class OneEuro:
         self._speeds = np.zeros((2, 3))
 
     def reset(self) -> None:
-        """Forget the past: the next pose comes out as it is."""
+        """Forget earlier poses: the next one is returned unchanged."""
         self._pose = None
 
     def __call__(self, pose: SE3) -> SE3:
@@ -99,7 +99,7 @@ def within(
     point: Array,
     distance: float,
 ) -> Array:
-    """The point, brought towards a centre as far as it is further away than a distance."""
+    """Move a point towards a centre until it is within a distance."""
     away = point - centre
     size = length(away)
     return point if size <= distance else centre + (distance / size) * away

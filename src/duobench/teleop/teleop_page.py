@@ -30,12 +30,12 @@ PERIOD_S = 1.0 / CONTROL_HZ
 KEPT_TIMES = 18_000
 """Periods and latencies that are remembered: ten minutes."""
 SHOWN_TIMES = 30
-"""How many of the last latencies the operator is shown the middle of."""
+"""Number of last latencies whose median is shown to the operator."""
 QUANTILES = (50, 95, 99)
 
 
 class Timings:
-    """How long a session's steps really took, in milliseconds."""
+    """Measured times of a session's steps in milliseconds."""
 
     def __init__(self) -> None:
         self.periods: deque[float] = deque(maxlen=KEPT_TIMES)

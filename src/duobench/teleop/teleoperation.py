@@ -45,7 +45,7 @@ UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
 DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
-AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
+AWAY = "No operator drives: the recording waits until one does."
 
 
 class TeleopState(StrEnum):
@@ -117,7 +117,7 @@ class Teleoperation:
         self._inbox, self._presses = Inbox(), ButtonPresses()
         data = env.data
         self.kept = 0 if data is None else data.kept(env.task)
-        """Episodes that were kept, those of earlier sessions counted."""
+        """Number of kept episodes, with those of earlier sessions."""
         self._episodes = None if data is None else SessionEpisodes(env, data)
         self._number = 0 if self._episodes is None else self._episodes.next_number
         self._reset()
@@ -181,8 +181,8 @@ class Teleoperation:
         be kept already; one that waits for the operator is forgotten.
 
         Args:
-            forget: Whether what was discarded is removed; after an error, where nobody ended the
-                session, the next one can restore it.
+            forget: Whether what was discarded is removed; after an error, the next session can
+                restore it.
         """
         if self._state is TeleopState.WAITING:
             self.env.discard()

@@ -1,4 +1,4 @@
-"""Access to a page: what an address needs, a certificate, the token, the pages that may connect.
+"""Access to a page: allowed addresses, certificate, token, and origins that may connect.
 
 Browsers give WebXR to secure pages only, and a token is a secret only where no one listens. A
 certificate without a signature protects from listeners; a browser still asks once whether to

@@ -48,11 +48,11 @@ IMAGE_KINDS = {
 }
 """Content types of images, films and sheets to print, by their first bytes."""
 _PING_S = 10.0
-"""How often a browser is asked whether it lives, and how long it may take to say so, in seconds."""
+"""Seconds between pings of a browser, and seconds until its answer."""
 _TIMEOUT_S = 2.0
 """Seconds for opening a connection, and for saying goodbye."""
 _LOOK_S = 0.01
-"""How often is looked whether browsers have taken what waits, in seconds."""
+"""Seconds between looks whether browsers have taken waiting messages."""
 SEND_BUFFER = 16 << 10
 """Bytes that the system keeps for a peer that does not read: a dozen frames, and not seconds."""
 FRAME = "frame"
@@ -321,7 +321,7 @@ class PageServer:
     def _answer(
         self, connection: ServerConnection, request: Request
     ) -> Response | None:
-        """Answer what asks for a file, and turn away who may not connect."""
+        """Serve files, and reject clients that may not connect."""
         if getattr(request, "method", "GET") != "GET":  # websockets 16 takes no other
             answer = connection.respond(
                 http.HTTPStatus.METHOD_NOT_ALLOWED, "Use GET.\n"
@@ -342,7 +342,7 @@ class PageServer:
     def _answer_owner(
         self, connection: ServerConnection, request: Request, url: SplitResult
     ) -> Response | None:
-        """Answer who has the token of this run's pages."""
+        """Serve a client with the token of this run's pages."""
         in_folder = re.match(r"/folder/([^/]+)/", url.path)  # where links are relative
         if not self._admission.has_token(
             f"token={in_folder[1]}" if in_folder else url.query
@@ -425,7 +425,7 @@ class PageServer:
             case Ping(sent=sent):
                 peer.put("pong", encode(kind="pong", sent=sent))
             case Drive() if self._driver not in (None, peer):
-                return "Somebody else drives. Watch, or take over."
+                return "Another visitor drives. Watch, or take over."
             case Drive() | TakeOver():
                 if self._driver not in (None, peer):
                     self._lose_driver(gives_way=True)

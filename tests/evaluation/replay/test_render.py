@@ -158,7 +158,7 @@ def test_run_of_another_suite_is_refused(one):
 def test_task_of_somebody_else_is_imported_on_request_alone(one):
     folder, run, record = one
     ((_, reason),) = make_missing(folder, run, [record], VIDEO).impossible
-    assert reason == f"The task {toy_tasks.WAVE_NAME!r} is none of the benchmark."
+    assert reason == f"The task {toy_tasks.WAVE_NAME!r} is not in the benchmark."
 
 
 def test_few_of_many_are_of_every_task_and_last_stage():

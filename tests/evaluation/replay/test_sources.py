@@ -119,7 +119,7 @@ def test_episodes_of_some_tasks_alone(data, play):
 
 def test_code_of_others_is_not_run_unasked(play, opened):
     folder, _ = play("random", episodes=1)
-    with pytest.raises(UnknownNameError, match="none of the benchmark"):
+    with pytest.raises(UnknownNameError, match="not in the benchmark"):
         opened(str(folder.path)).load("wave/0")
 
 

@@ -94,7 +94,7 @@ def test_run_on_tasks_of_others_agrees_where_these_may_be_imported(play, policy)
     folder, _ = play(policy, episodes=1)
     found = verify(folder)
     assert {one.verdict for one in found.findings} == {Verdict.UNVERIFIABLE}
-    assert "is none of the benchmark" in found.findings[0].reason
+    assert "is not in the benchmark" in found.findings[0].reason
     assert not found.is_verified
     found = verify(folder, import_tasks=True)
     assert {one.verdict for one in found.findings} == {Verdict.EXACT}

@@ -91,7 +91,7 @@ def test_where_a_run_was_played_is_no_part_of_it():
 
 def test_nodes_without_token_or_of_another_version_play_nothing(monkeypatch):
     monkeypatch.delenv(AUTH_MODE, raising=False)
-    assert "anybody who reaches it" in host._objection(__version__)
+    assert "everyone who reaches it" in host._objection(__version__)
     monkeypatch.setenv(AUTH_MODE, "token")
     assert host._objection(__version__) == ""
     assert "Install the same everywhere" in host._objection("0.1")
@@ -137,6 +137,6 @@ def test_choices_of_somebody_else_are_not_taken(chosen, tmp_path):
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     (tmp_path / f"duobench-{os.getuid()}").symlink_to(elsewhere)
-    with pytest.raises(PermissionError, match="somebody else's"):
+    with pytest.raises(PermissionError, match="belongs to another user"):
         host.choose_once("a", 4)
     assert chosen == []

@@ -84,8 +84,8 @@ def _ask(duo: FrankaDuo, *, is_simulated: bool) -> None:
         return
     if not is_simulated:
         say(
-            "Both arms will be held where they are. Nobody within reach, a hand on the emergency "
-            "stop. Press Enter to go on, or Ctrl-C to leave."
+            "Both arms will be held where they are. Keep everyone out of reach, and a hand on the "
+            "emergency stop. Press Enter to go on, or Ctrl-C to leave."
         )
         if not sys.stdin.readline():
             return

@@ -63,7 +63,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         rater: Pseudonym of who judges in this session; it is recorded. Without one that of who
             began, or "operator".
         first_episode: Index of the first episode; layouts follow from task and index alone.
-        order_seed: Decides the order in which policies take turns; without it nobody knows it.
+        order_seed: Seed of the order in which policies take turns; sampled if not given.
         record: Record the trials that count into this data set too, with all cameras.
         page: Where the page is served.
     """

@@ -62,7 +62,7 @@ def run(
             duo.supervisor.recover()
         with advising(GRIPPERS):
             duo.hands.check_free(with_object=with_object)
-        confirm("Is nobody within reach, and is somebody at the emergency stop?", WORD)
+        confirm("Is everyone out of reach, and is a hand at the emergency stop?", WORD)
         duo.supervisor.confirm()
         with stopping(lambda: duo.hold("Ctrl-C.")):
             duo.home(with_object=with_object)

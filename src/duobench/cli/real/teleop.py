@@ -27,7 +27,7 @@ def run(
     leading: tyro.conf.OmitArgPrefixes[LeadingOptions] = _LEADING,
     page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
 ) -> None:
-    """Record episodes that somebody leads on real arms, until Ctrl-C.
+    """Record episodes that an operator leads on real arms, until Ctrl-C.
 
     As duobench teleop, on a rig: the page also shows what its cameras see, this terminal asks
     before the arms go home, and the space bar here holds them. Keeping an episode while it runs

@@ -1,4 +1,4 @@
-"""The rig that a command line names, and the operator's terminal beside it."""
+"""Rig that a command line names, and the operator's terminal."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from duobench.real.rig import Rig
 
 
 def rig_file(path: str | Path, also: str = "") -> Path:
-    """The file of a rig, which is there."""
+    """Existing file of a rig."""
     if not Path(path).is_file():
         raise AdvisedError(f"There is no file {path}. --rig takes a rig.json{also}.")
     return Path(path)

@@ -32,8 +32,8 @@ def labels_of(
     """The actions as labels (T, n) of a mode, and the residual if inverse kinematics solved them.
 
     Actions that were not given in the wanted mode are joint targets, whose tool poses follow by
-    forward kinematics. A relative one leads from the pose that was last sent, where the arms were
-    in that row whatever an actor added to its own actions, to the one that the label means.
+    forward kinematics. A relative one leads from the pose that was last sent (where the arms were
+    in that row, with anything that an actor added to its own actions) to the label's pose.
     """
     is_own = mode == recording.info.mode.name and source is not ActionSource.SENT
     if is_own and mode != JOINT.name:

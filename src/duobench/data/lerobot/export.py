@@ -1,4 +1,4 @@
-"""The export of a data set: what is missing in a folder is exported, then everything described."""
+"""Export of a data set: missing episodes are exported, then the metadata is written."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing

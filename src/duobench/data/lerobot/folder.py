@@ -1,4 +1,4 @@
-"""The folder of an export: where things lie in it, what says what is exported, and its features.
+"""Folder of an export: paths of its files, description of the export, and its features.
 
 Features are named as LeRobot, Hugging Face and Arrow name them.
 """
@@ -73,7 +73,7 @@ class SourceEpisode:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Export:
-    """Everything that the exported files follow from."""
+    """Everything that determines the exported files."""
 
     options: ExportOptions
     suite_version: str

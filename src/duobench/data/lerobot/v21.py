@@ -74,7 +74,7 @@ def _lines(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _modality(export: Export) -> dict[str, Any]:
-    """Which numbers of state and actions belong together, and what images and words are called."""
+    """Groups of numbers of state and actions, and names of images and words."""
     return {
         "state": _slices(export.vectors[STATE]),
         "action": _slices(export.vectors[ACTION]),

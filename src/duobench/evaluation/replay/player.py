@@ -1,4 +1,4 @@
-"""Playing what was recorded again, records of a run and recordings: the one loop, and its users."""
+"""Replay of records of a run and of recordings: one loop, and its users."""
 
 import sys
 from collections.abc import Iterable, Iterator, Sequence

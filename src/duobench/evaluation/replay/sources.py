@@ -1,4 +1,4 @@
-"""Sources of the viewer: a task, recorded episodes, and those of a run that may be under way."""
+"""Sources of the viewer: a task, recorded episodes, and episodes of a run, finished or not."""
 
 import time
 from collections.abc import Sequence
@@ -103,8 +103,8 @@ class DataSource:
         task = catalog.get(self._data.reference(info))
         if info.is_real:
             raise EvaluationError(
-                "It was played on real arms, whose objects nobody measured: there is no state of a "
-                "simulation to show."
+                "It was played on real arms, whose objects were not measured: there is no state of "
+                "a simulation to show."
             )
         source = self._source.get(
             info.task, lambda: ImageSource(task, cameras=(), look=self._look)

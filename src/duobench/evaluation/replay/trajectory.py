@@ -110,7 +110,7 @@ class TrajectoryRecorder(Watcher):
         self.add(0, info.get("stage", 0))
 
     def on_step(self, step: Step) -> None:
-        """Keep what there is after a step."""
+        """Keep the state after a step."""
         self.add(step.number, step.info["stage"])
 
     def trajectory(self, note: str = "") -> Trajectory:

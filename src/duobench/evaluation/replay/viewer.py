@@ -1,4 +1,4 @@
-"""Playing what is viewed: one episode at a time, the same for everybody who has the page open."""
+"""Playback in the viewer: one episode at a time, the same for all visitors of the page."""
 
 import queue
 import threading
@@ -167,12 +167,10 @@ class Viewer:
         return self._plays and self._server.has_viewers
 
     def _select(self, item: str) -> None:
-        self._selected, self._shown, self._note, self._plays = (
-            item,
-            None,
-            "Loading …",
-            False,
-        )
+        self._selected = item
+        self._shown = None
+        self._note = "Loading …"
+        self._plays = False
         self._poses, self._step = self._poses[:0], 0
         if self._loading is not None:
             self._loading.cancel()

@@ -216,7 +216,7 @@ def _check_complete(
     if missing:
         raise EvaluationError(
             f"{len(missing)} of {len(ours)} records are missing from {folder.path} although "
-            "their episodes were played: somebody has removed them. Run the evaluation again: it "
+            "their episodes were played: they were removed. Run the evaluation again: it "
             "plays what is missing."
         )
 

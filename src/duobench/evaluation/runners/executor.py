@@ -296,7 +296,7 @@ class ProcessExecutor:
     ) -> Iterator[EpisodeResult]:
         match member, report:
             case RunningPolicy(is_ready=True), _:  # which has nothing to say any more
-                yield from self._lose(member, "it sent what nobody asked for.")
+                yield from self._lose(member, "it sent an unrequested message.")
             case _, ProcessFailed(error=kind, message=text):
                 raise error_class(kind).from_message(escaped(text))
             case RunningPolicy(), Answering(address=address):
@@ -316,7 +316,7 @@ class ProcessExecutor:
             case Worker(), EpisodeError():
                 yield from self._note_fault(member, report)
             case _:
-                _log.warning("A message that nobody asked for was dropped.")
+                _log.warning("An unrequested message was dropped.")
 
     def _note_progress(self, worker: Worker, record: Record) -> None:
         """Note how far the episode of a worker is."""
@@ -341,7 +341,7 @@ class ProcessExecutor:
     def _accept(self, worker: Worker, result: EpisodeResult) -> Iterator[EpisodeResult]:
         """Pass on what was asked for, and drop anything else."""
         if worker.episode is None:
-            _log.warning("A result that nobody asked for was dropped.")
+            _log.warning("An unrequested result was dropped.")
             return
         objection = result.objection(
             worker.episode, self._prepared.run, self._job.recording

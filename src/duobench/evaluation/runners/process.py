@@ -1,4 +1,4 @@
-"""Processes that others start: what both ends say to each other, and how they end.
+"""Child processes: messages between both ends, and the end of a process.
 
 `Transport` is a process as the one sees it that has started it; `WorkerProcess` is one on this
 machine. It leads a process group, in a session of its own. Its parent ends it as a group, and it
@@ -221,8 +221,8 @@ class WorkerProcess:
     def death(self) -> str | None:
         """End of the process in words; None while it lives.
 
-        Its exit code is left to be read again: until then its number, and with it that of its
-        group, is nobody else's.
+        Its exit code is left to be read again: until then no other process gets its number, or
+        that of its group.
         """
         end = os.waitid(
             os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT

@@ -53,7 +53,7 @@ def check_environment() -> None:
     mode = auth_mode()
     if mode != TOKEN:
         raise EvaluationError(
-            f"{AUTH_MODE} is {mode or 'not set'}. A cluster without a token lets anybody who "
+            f"{AUTH_MODE} is {mode or 'not set'}. A cluster without a token lets everyone who "
             f"reaches it run code on it, and Ray listens at all interfaces: start every node, and "
             f"this command, with {AUTH_MODE}={TOKEN} and the same RAY_AUTH_TOKEN."
         )

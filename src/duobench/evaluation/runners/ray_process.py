@@ -31,8 +31,7 @@ from duobench.evaluation.runners.process import (
 )
 
 AUTH_MODE, TOKEN = "RAY_AUTH_MODE", "token"
-"""Environment variable of Ray, and the value with which nobody gets in without the cluster's
-token."""
+"""Environment variable of Ray, and the value that keeps out clients without the cluster's token."""
 POLL_S = 0.5
 """Seconds that an actor waits for messages before it reports on its process."""
 PROGRESS = b'{"type":"EpisodeProgress"'
@@ -173,7 +172,7 @@ def _objection(version: str) -> str:
     if mode != TOKEN:
         return (
             f"A node of the cluster was started with {AUTH_MODE}={mode or '(nothing)'}, so that "
-            f"anybody who reaches it can run code on it. Start every node with {AUTH_MODE}={TOKEN}."
+            f"everyone who reaches it can run code on it. Start all nodes with {AUTH_MODE}={TOKEN}."
         )
     if version != __version__:
         return (
@@ -193,7 +192,7 @@ def choose_once(node: str, renderers: int) -> str:
     folder = Path(tempfile.gettempdir(), f"duobench-{os.getuid()}")
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.is_symlink() or folder.stat().st_uid != os.getuid():
-        raise PermissionError(f"{folder} is somebody else's.")
+        raise PermissionError(f"{folder} belongs to another user.")
     path = folder / f"rendering-{node}"
     with path.open("a+", encoding="utf-8") as file:
         fcntl.flock(file, fcntl.LOCK_EX)  # until the first has chosen; closing frees it

@@ -1,4 +1,4 @@
-"""A worker: a process with a simulator, which plays episodes; and what it and its parent say."""
+"""Worker: a process with a simulator, which plays episodes, and its messages."""
 
 from functools import partial
 

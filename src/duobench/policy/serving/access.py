@@ -33,7 +33,7 @@ def check_access(host: str, key: str | None) -> None:
     """Reject a server that other machines reach without a key."""
     if key is None and not is_loopback(host):
         raise ServingError(
-            f"A server at {host or 'every address'} could be used by anybody who reaches it. Give "
+            f"A server at {host or 'every address'} could be used by everyone who reaches it. Give "
             f"it a key, in {KEY_VARIABLE} or a file, or serve at 127.0.0.1."
         )
 

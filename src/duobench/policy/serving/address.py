@@ -52,7 +52,7 @@ class PolicyAddress:
 
     @property
     def url(self) -> str:
-        """Its address as that of a server."""
+        """Address of the server."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"ws://{host}:{self.port}"
 

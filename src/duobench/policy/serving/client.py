@@ -49,7 +49,7 @@ class Dialect:
     def messages(
         self, instruction: str, seed: int
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The message that begins an episode, and what is added to each observation of it."""
+        """Message that begins an episode, and the fields added to each of its observations."""
         values = {"endpoint": "infer", "prompt": instruction, "seed": seed}
         values["session_id"] = (
             uuid.uuid4().hex

@@ -104,7 +104,7 @@ class PolicyHost:
         """The port that it listens at."""
 
     def run(self) -> None:
-        """Answer until `stop` is called, then close server and policy."""
+        """Serve until `stop` is called, then close server and policy."""
         try:
             self._loop.run()
         finally:
@@ -116,7 +116,7 @@ class PolicyHost:
         self._loop.stop()
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer what asks for no session, and turn away who may not have one."""
+        """Serve requests without a session, and reject clients that may not have one."""
         if request.path == HEALTH_PATH:
             return connection.respond(http.HTTPStatus.OK, "OK\n")
         if not access.is_allowed(request.headers.get("Authorization"), self._key):
@@ -166,7 +166,7 @@ class PolicyHost:
         return await session.reply(frame)
 
     async def _serve_client(self, connection: ServerConnection) -> None:
-        """Answer one client until it leaves; its mistakes end its own connection only."""
+        """Serve one client until it leaves; its errors end only its own connection."""
         session = ClientSession(self._loop, self._answer_s)
         self._clients[connection] = session
         try:

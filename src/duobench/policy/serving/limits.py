@@ -1,4 +1,4 @@
-"""Limits that server and client agree on, and those of what each accepts, in one place.
+"""Limits that server and client agree on, and limits of what each accepts.
 
 A peer that sends more, or takes longer, is refused; that costs little memory and time.
 """

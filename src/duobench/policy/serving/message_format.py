@@ -1,4 +1,4 @@
-"""Message formats: the names, orders and shapes that a foreign policy server has for what we send.
+"""Message formats: names, orders and shapes in the messages of foreign policy servers.
 
 A format is data, a TOML file. Keys of a server that lie in maps inside each other are written with
 dots between them: `images.cam_high`.

@@ -87,7 +87,7 @@ class ViewFolder:
         """All images.
 
         Raises:
-            CalibrationError: There are none, or their sizes differ.
+            CalibrationError: No images, or images of several sizes.
             FileError: One cannot be read.
         """
         if not self._list.views:
@@ -101,7 +101,7 @@ class ViewFolder:
         """All images with the joints at which they were taken.
 
         Raises:
-            CalibrationError: There are none, or joints are missing.
+            CalibrationError: No images, or images without joints.
             FileError: An image cannot be read.
         """
         views = []

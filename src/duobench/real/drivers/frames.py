@@ -94,7 +94,7 @@ class LatestFrame(ABC):
         time_s: float,
         index: int,
     ) -> None:
-        """Take a frame, whose arguments are those of `Frame`, and give it to who listens."""
+        """Take a frame, whose arguments are those of `Frame`, and give it to the listener."""
         height, width = self.config.size
         if image.shape != (height, width, 3):
             raise BackendError(

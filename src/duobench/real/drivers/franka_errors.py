@@ -60,7 +60,7 @@ KINDS = {
 }
 """The kind of each of the 41 errors of an arm's state [libfranka, `franka::Errors`]. Where several
 stand together, the first kind in this order counts: what might be our controller's doing is never
-blamed on who led the arm, and a lost packet excuses nobody who ran into something."""
+blamed on who led the arm, and a lost packet does not excuse a collision."""
 _ORDER = tuple(dict.fromkeys(KINDS.values()))
 MODES_OF_PEOPLE = ("UserStopped", "Guiding")
 """Modes into which people bring an arm with buttons."""

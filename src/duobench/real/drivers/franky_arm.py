@@ -2,7 +2,7 @@
 
 The library neither interpolates nor watches: it keeps the last point for ever, raises nothing after
 a reflex, and takes a second to notice that a robot is gone. So a thread for each arm asks all the
-time, and whoever leads it sends smooth paths. Not yet tried on an arm.
+time, and its callers send smooth paths. Not yet tried on an arm.
 """
 
 import threading

@@ -175,7 +175,7 @@ def _colour_sensor(rs: Any, device: Any) -> Any:
 
 
 def _lens(rs: Any, found: Any) -> CameraCalibration | None:
-    """The factory's lens, where its distortion is none or of OpenCV's kind."""
+    """The factory's lens, where it has no distortion or one of OpenCV's kind."""
     coefficients = tuple(float(each) for each in found.coeffs)
     if any(coefficients) and found.model != rs.distortion.brown_conrady:
         return None

@@ -18,7 +18,7 @@ def _check_line(text: str) -> None:
 
 
 class Alive(PageMessage, frozen=True):
-    """The page is open, and somebody can press its buttons."""
+    """The page is open, and its buttons can be pressed."""
 
 
 class Home(PageMessage, frozen=True):
@@ -33,7 +33,7 @@ class Activate(PageMessage, frozen=True):
 
 
 class Open(PageMessage, frozen=True):
-    """The operator wants hands opened, whatever they hold."""
+    """The operator wants hands opened, which drop what they hold."""
 
     hands: tuple[Side, ...] = SIDES
 

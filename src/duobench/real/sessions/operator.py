@@ -1,4 +1,4 @@
-"""The operator at a terminal: what is said, what is asked, and keys that count at once."""
+"""Operator at a terminal: messages, questions, and keys that act at once."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress

@@ -92,8 +92,8 @@ def make_rig_recorder(
 
 REASONS = {
     FaultKind.PERSON: (
-        "Somebody stopped the arms to protect people, objects or arms.",
-        "Somebody stopped the arms by mistake.",
+        "The operator stopped the arms to protect people, objects or arms.",
+        "The operator stopped the arms by mistake.",
         "A door or a guard of the cell was opened.",
     ),
     FaultKind.CONTROLLER: (
@@ -228,8 +228,6 @@ class _LastStep(Watcher):
         self.terminated = False
 
     def on_step(self, step: Step) -> None:
-        self.info, self.number, self.terminated = (
-            step.info,
-            step.number,
-            step.terminated,
-        )
+        self.info = step.info
+        self.number = step.number
+        self.terminated = step.terminated

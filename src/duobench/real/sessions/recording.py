@@ -134,12 +134,10 @@ class RigRecording(RigSession):
             raise OptionError(
                 f"A session records at least one episode, got {episodes}."
             )
-        self._operator, self._source, self._data, self._wanted = (
-            operator,
-            source,
-            data,
-            episodes,
-        )
+        self._operator = operator
+        self._source = source
+        self._data = data
+        self._wanted = episodes
         metadata = source.metadata
         (info,) = find_tasks([task])
         horizon = horizon or info.horizon
@@ -164,7 +162,7 @@ class RigRecording(RigSession):
         )
         self.view = self._terminal = TerminalView(self, operator)
         self.kept = data.kept(self.env.task)
-        """Episodes of the task that are kept, those of earlier sessions counted."""
+        """Number of kept episodes of the task, with those of earlier sessions."""
 
     def run(self) -> int:
         """Record until so many episodes are kept, or the operator ends it; how many are kept."""

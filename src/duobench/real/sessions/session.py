@@ -27,13 +27,13 @@ from duobench.results.labels import StageLabel
 
 HELD_BY_OPERATOR = "The operator held the arms."
 CONNECTION_LOST = "The operator's page lost its connection."
-TAKEN_OVER = "Somebody else took over the page."
+TAKEN_OVER = "Another visitor took over the page."
 STOPPED = "The session was stopped."
 CUT_SHORT = (
     "The press of the last stage ended this episode, and was taken back: the policy was cut short. "
     "Press it again, or mark the trial as invalid."
 )
-NEVER_COUNTS = "This cannot count, whatever the policy did: say why the arms stopped."
+NEVER_COUNTS = "This cannot count: say why the arms stopped."
 
 
 class Phase(StrEnum):
@@ -188,13 +188,11 @@ class RigSession:
     def begin(self) -> None:
         """Begin another episode: no press of the one before counts for it."""
         self.phase = Phase.PLACING
-        self.note, self.at_end, self.lost, self.is_home, self.reasons = (
-            "",
-            None,
-            "",
-            False,
-            (),
-        )
+        self.note = ""
+        self.at_end = None
+        self.lost = ""
+        self.is_home = False
+        self.reasons = ()
         self.judge.begin()
 
     def place(self) -> None:

@@ -1,4 +1,4 @@
-"""The operator's page: the episode, the outlines, the stages, and what may be done.
+"""The operator's page: the episode, the outlines, the stages, and the possible actions.
 
 Messages arrive in the server's thread; a page that gives no sign while arms may move holds them.
 """
@@ -86,12 +86,10 @@ class StatusPage:
 
     def begin(self, layout: Layout, episode: Mapping[str, Any]) -> None:
         """Show another episode, and where its objects shall lie."""
-        self._layout, self._images, self._film, self._ghost_joints = (
-            layout,
-            {},
-            "",
-            None,
-        )
+        self._layout = layout
+        self._images = {}
+        self._film = ""
+        self._ghost_joints = None
         places = [
             each for each in marks_of(self._overlay.task, layout) if each.on_table
         ]
@@ -110,11 +108,9 @@ class StatusPage:
     def publish(self) -> None:
         """Show the session as it is now."""
         session = self._session
-        labels, steps, fault = (
-            session.judge.labels,
-            session.judge.steps,
-            session.duo.fault,
-        )
+        labels = session.judge.labels
+        steps = session.judge.steps
+        fault = session.duo.fault
         self._server.publish_status(
             {
                 "phase": session.phase.value,
@@ -157,7 +153,7 @@ class StatusPage:
     def moving(self) -> Iterator[None]:
         """The page is heard at any time; from now on it must give signs.
 
-        What was pressed before and waits is forgotten: nobody waits for a second motion.
+        Waiting presses are forgotten, so that no second motion follows.
         """
         self._heard = time.monotonic()
         self._forget()
@@ -196,7 +192,7 @@ class StatusPage:
             self._inbox.put(message)
 
     def _hands(self) -> dict[str, list[Side]]:
-        """Which grippers are to be activated, and which hold something."""
+        """Grippers that need activation, and grippers that hold something."""
         if self._session.phase not in {Phase.PLACING, Phase.READY}:
             return {"inactive": [], "holding": []}
         hands = self._session.duo.hands

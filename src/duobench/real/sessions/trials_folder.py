@@ -1,8 +1,8 @@
 """The folder of an evaluation on real arms: its plan, its log, and the run of its policies.
 
-The log holds every press of a person: one JSON object a line, with the operating system before
-anybody sees its effect, whatever happens to the process afterwards. What closes a trial is flushed
-to the disk as well. A trial that the log does not close was cut, and is played again.
+The log holds every press of a person as one JSON object a line. A line is handed to the operating
+system before its effect is shown, so that a killed process loses none. The end of a trial is
+flushed to the disk as well. A trial that the log does not close was cut, and is played again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TRIALS_BEGINNINGS = (
     *RUN_BEGINNINGS,
 )
 """Files that an evaluation begins with; without a trial they are worth nothing."""
-REMOVED = "It counted, and its record was removed: somebody had it played again."
+REMOVED = "It counted, and its record was removed, to play it again."
 CUT = "The program ended during the trial."
 """Reason why a trial is invalid whose process was killed."""
 
@@ -157,7 +157,7 @@ class TrialsProgress:
 class TrialLog:
     """A log that is written by one process, from any of its threads.
 
-    Opening it begins the file if there is none; half a line, left by a killed process, is removed.
+    Opening it creates a missing file, and removes half a line that a killed process left.
     """
 
     def __init__(self, path: Path) -> None:

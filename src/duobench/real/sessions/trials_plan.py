@@ -55,7 +55,7 @@ class TrialsPlan:
             )
         if self.rater.splitlines() != [escaped(self.rater)] or not self.rater.strip():
             raise EvaluationError(
-                "Whoever judges has a name, or a pseudonym: one line that can be printed."
+                "The judge has a name or a pseudonym: one line that can be printed."
             )
 
     @property

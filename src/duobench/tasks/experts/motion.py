@@ -83,7 +83,7 @@ class Arms:
         self.latency = latency
         """Control steps from an action to its execution: so much later a script sees its effect."""
         self.freedom: Array = np.zeros(len(SIDES))
-        """How far each arm's motion may differ at this moment (2,), 0 to 1."""
+        """Freedom of each arm's motion at this moment (2,), 0 to 1."""
 
     def action(self) -> Array:
         """The next 16 numbers: one step of inverse kinematics towards the targets."""

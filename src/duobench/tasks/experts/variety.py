@@ -122,7 +122,7 @@ class VarietySample:
         return round(self.variety.pause.sample(self._rng) * CONTROL_HZ)
 
     def detour(self, way: Array, freedom: float) -> Array:
-        """How far the middle of a way is led to one side of it, and not down.
+        """Detour of the middle of a way to one side of it, and not down.
 
         Args:
             way: From start to goal (3,), in metres.

@@ -18,11 +18,11 @@ CAMERA_RADIANS = tuple(
 WRIST_SHARE = 0.4
 
 MARGIN_METRES = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05)
-"""How far beyond the range of training an object may start, along each axis."""
+"""Distance beyond the range of training at which an object may start, along each axis."""
 MARGIN_RADIANS = tuple(
     math.radians(angle) for angle in (0.0, 3.0, 6.0, 9.0, 12.0, 15.0)
 )
-"""How far an object may be turned beyond that range."""
+"""Turn of an object beyond that range."""
 
 MASS_FACTORS = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0)
 FRICTION_FACTORS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5)

@@ -153,9 +153,9 @@ class OutsidePlacement(Placement):
     """A placement whose position lies beyond the ranges along at least one axis."""
 
     margin: float
-    """How far beyond it may lie, in metres."""
+    """Largest distance beyond the range of training, in metres."""
     turn: float
-    """How far it may be turned beyond the range of training, in radians."""
+    """Largest turn beyond the range of training, in radians."""
 
     def sample(self, rng: np.random.Generator) -> SE3:
         """One pose in the table frame, upright."""

@@ -1,4 +1,4 @@
-"""Two arms at one thing: what counts as bringing it to its place together, all the way.
+"""Coordination: conditions for two arms to bring one object to its place together.
 
 That both arms had it once is worth nothing. What they bring must be in their hands until it is at
 its place; what is let go before, or carried by one arm in between, must be picked up again.
@@ -32,7 +32,7 @@ AWAY_SECONDS = 1.0
 """Seconds that an object has to be away from a place before it may be brought there anew: an
 object that only hops has been there since it came first [task definitions]."""
 LANDING_DEPTH = 0.001
-"""How far below the top of its support the lowest point of an object on it may seem to be."""
+"""Depth below the top of its support at which the lowest point of an object may seem to be."""
 
 
 def brought_together(

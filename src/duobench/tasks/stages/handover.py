@@ -2,7 +2,7 @@
 
 A handover is three moments in order: one arm holds the object alone, both hold it, the other one
 holds it alone. Between the last two it is neither put down nor let go, so that laying it down for
-the other arm is none. Nothing is remembered of a handover once the giver carries the object again.
+the other arm is no handover. A handover is forgotten once the giver carries the object again.
 """
 
 from collections.abc import Mapping

@@ -77,7 +77,7 @@ def tip_in(
     peg: Port,
     socket: Port,
 ) -> tuple[float, float]:
-    """How far a peg's tip is outside the mouth of a socket, and beside its axis, in metres."""
+    """Distances in metres of a peg's tip outside the mouth of a socket and beside its axis."""
     outwards = socket.axis(simulation)
     ends = zip(peg.position(simulation), socket.position(simulation), strict=True)
     tip = [end - mouth for end, mouth in ends]
@@ -92,7 +92,7 @@ def tip_off(
     socket: Port,
     depth: float,
 ) -> float:
-    """How far a peg's tip is from where it is to be in a socket, in usual ways."""
+    """Distance of a peg's tip from its place in a socket, in usual distances."""
     height, aside = tip_in(simulation, peg, socket)
     return hypot(height + depth, aside) / USUAL_WAY
 

@@ -1,4 +1,4 @@
-"""Plugged together by two arms: what counts as joining two bodies that each arm holds one of.
+"""Joining: conditions for two arms to plug two bodies together, each holding one.
 
 That both arms once held a body each says nothing about who plugged them together. So each arm has
 its own body from before the peg enters the socket until it is deep enough; what is plugged together
@@ -24,7 +24,7 @@ SOCKET_REACH = 0.010
 """Largest distance in metres from a socket's axis to a tip that is in it: a peg that has just come
 in may be shifted and turned as far as walls and chamfer let it."""
 KEPT_DEPTH = 0.003
-"""How deep in metres a tip is at least in a socket that it has not come out of."""
+"""Least depth in metres of a tip that has not come out of its socket."""
 LOST_SECONDS = 0.2
 """How long a grasp is lost before the joining was not done by both arms, in seconds: pads may lose
 contact for a control step or two when peg and socket meet."""

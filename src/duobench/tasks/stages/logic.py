@@ -1,4 +1,4 @@
-"""The logic that stages are written in: predicates, how they combine, and what they remember.
+"""Logic of stages: predicates, their combinations, and their memory.
 
 A predicate is a pure question about one `StateView`. Predicates combine with `&`, `|` and `~`; the
 only memories are `since(p, reset=q)`, which can be forgotten, and, for "still for half a second" or

@@ -26,9 +26,9 @@ class Hole:
     height: float
     """Height of the hole's centre in the body's frame, in metres."""
     radius: float
-    """How far from the centre an object's own centre may pass for it to count, in metres."""
+    """Largest distance from the centre at which an object's own centre may pass, in metres."""
     rim: float
-    """How far from the centre the hole's edge is, in metres: beyond it, the way leads around."""
+    """Distance of the hole's edge from the centre, in metres: beyond it, the way leads around."""
 
 
 @dataclass(

@@ -1,4 +1,4 @@
-"""Put down, not dropped: what counts as bringing something to its place and leaving it there.
+"""Placing: conditions for an object to be put down in its place, not dropped, and left there.
 
 No hand lets go at the exact step of the first contact, so a place has some height: what is let go
 there is put down, what is let go above it is dropped. A vessel is what one drops things into: its
@@ -37,7 +37,7 @@ DROP_HEIGHT = 0.060
 """How high above a vessel's rim, or the floor that a hand under a roof reaches aslant, it may be,
 in metres: no coordination is avoided by some centimetres of air [task definitions]."""
 REST_SECONDS = 0.5
-"""How long an object rests where it was put before it counts, in seconds [task definitions]."""
+"""Seconds that an object has to rest where it was put [task definitions]."""
 
 
 @shared

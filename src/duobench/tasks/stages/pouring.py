@@ -1,4 +1,4 @@
-"""Pouring into a vessel in the air: what counts as poured, and as kept until it is put down."""
+"""Pouring into a vessel in the air: conditions for pouring, and for keeping the contents."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -34,7 +34,7 @@ USUAL_WAY = 0.1
 """Way in metres, of a tool or of an object, from which on what is asked for is rather far than
 near; for rewards alone."""
 LIFTED_HEIGHT = 0.010
-"""How far a lifted object is raised at least, in metres [task definitions]."""
+"""Least height in metres by which a lifted object is raised [task definitions]."""
 SHUTTING_MOMENT = 2.0
 """Moment in N·m about a hinge from which on an arm turns a lid or a door shut: 14 N at the end of
 the chest's lid, 6 N at the bar of the microwave's door."""
@@ -308,7 +308,7 @@ class BoxRegion:
         return in_outline & (bottom <= z) & (z <= top)
 
     def distance(self, point: Point) -> float:
-        """How far outside a point of the body's frame lies, in metres; 0 inside."""
+        """Distance in metres of a point of the body's frame from the inside; 0 inside."""
         return hypot(*map(_beyond, self.low, point, self.high))
 
 
@@ -338,7 +338,7 @@ class CylinderRegion:
         return (offset <= self.radius) & (self.low <= z) & (z <= self.high)
 
     def distance(self, point: Point) -> float:
-        """How far outside a point of the body's frame lies, in metres; 0 inside."""
+        """Distance in metres of a point of the body's frame from the inside; 0 inside."""
         x, y, z = point
         offset = hypot(x - self.centre[0], y - self.centre[1])
         return hypot(_beyond(0.0, offset, self.radius), _beyond(self.low, z, self.high))

@@ -1,4 +1,4 @@
-"""A ball on a board that is tilted in the air: what counts as its way from a start to a goal."""
+"""Rolling: conditions for a ball's way from start to goal on a board tilted in the air."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ MOST_MOVED = 0.005
 """How far from where the ball came to lie it may be when both hands have a board up again that was
 let down, in metres [task definitions]."""
 PLACE_UNIT = 0.001
-"""How exactly it is known where that was, in metres."""
+"""Resolution of that position in metres."""
 
 
 @dataclass(
@@ -190,5 +190,5 @@ def _from_corner(
     axis: int,
     state: StateView,
 ) -> float:
-    """How far along an axis the ball is from the lowest corner of the room, in metres."""
+    """Distance of the ball from the lowest corner of the room along an axis, in metres."""
     return state.relative_position(ball, room.body)[axis] - room.low[axis]

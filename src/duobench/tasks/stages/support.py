@@ -1,11 +1,11 @@
 """One arm holds a lid or a door open while the other one brings something: asymmetric support.
 
-Lids and doors here shut by themselves. So whatever stays open longer than something thrown open
-does, with nothing of the bringing arm against it, is held open by the other arm. That is asked for
+Lids and doors here shut by themselves. So a lid that stays open longer than one that was thrown
+open, with nothing of the bringing arm against it, is held open by the other arm. That is asked for
 at a moment at which the bringing arm holds the object, and it stays true until the object is where
 it belongs. What happens to the lid after that is free.
 
-To hold is to support: a contact that pushes towards open, or a grasp. A touch is none. A finger
+To hold is to support: a contact that pushes towards open, or a grasp. A touch does not. A finger
 that rests behind a door without load, while the other arm pushes, cannot be told from one that
 bears it. An arm that turns the lid further shut than it held it, while the other one keeps it open,
 holds nothing.
@@ -59,7 +59,7 @@ SHUT_SECONDS = 0.5
 """Seconds in all that the supporting arm may turn the lid shut while the bringing one keeps it
 open, since it was last seen to hold it alone [task definitions]."""
 ANGLE_UNIT = 0.025
-"""How exactly it is known at which angle an arm held the lid, in radians."""
+"""Resolution in radians of the angle at which an arm held the lid."""
 
 
 @dataclass(

@@ -1,4 +1,4 @@
-"""In a vessel: what counts as lying in a bowl that stands on the table."""
+"""Vessels: conditions for lying in a bowl that stands on the table."""
 
 import math
 from dataclasses import dataclass

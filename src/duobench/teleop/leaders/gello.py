@@ -34,7 +34,7 @@ STATUS_BYTES = 11 + POSITION_BYTES
 ANSWER_S = 0.1
 """Seconds after which servos that have not answered are asked again."""
 PINGS = 10
-"""How often a servo is asked whether it is there, for 34 ms each, before it is given up."""
+"""Attempts to reach a servo, of 34 ms each, before it is given up."""
 POLL_S = 0.001
 """Seconds between two looks at what has arrived."""
 _MIDDLES = np.mean(JOINT_RANGES, axis=1)

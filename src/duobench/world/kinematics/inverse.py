@@ -54,9 +54,9 @@ at -0.152 when it is to come back."""
 LEAST_PROGRESS = 1e-3
 """Share of the squared error that a step removes at least; otherwise the arm rests."""
 SHORTENINGS = 5
-"""How often a step that does not remove as much is halved, before the arm rests."""
+"""Halvings of a step that does not remove as much, before the arm rests."""
 OPTIMAL = 1
-"""How DAQP says that it found the solution."""
+"""Status of DAQP for a found solution."""
 
 _TCP_FROM_WRIST = LINK7_FROM_TCP.inverse()
 _NO_ROWS = np.zeros((0, ARM_JOINTS))
@@ -156,7 +156,7 @@ class ArmKinematics:
     def _bounds(
         self, start: Array, dt: float, last: Array | None
     ) -> tuple[Array, Array]:
-        """How far each joint may move in a step: range, speed, and change of speed."""
+        """Bounds of each joint's motion in a step: range, speed, and change of speed."""
         most = self._speeds * dt
         low = np.maximum(-most, LIMIT_GAIN * (self._low - start))
         high = np.minimum(most, LIMIT_GAIN * (self._high - start))

@@ -42,7 +42,7 @@ class Material:
     second_colour: RGB | None = None
     """Colour of the dark parts of the texture; None takes a darker shade of the first."""
     contrast: float = 0.35
-    """How much darker that shade is, 0 to 1."""
+    """Darkness of that shade, 0 to 1."""
     image: str | None = None
     """Path of an image file that takes the place of the texture."""
 
@@ -71,7 +71,7 @@ class Light:
     front, the back or a side (y or x of `SHADOW_CENTRE`) no level surface is speckled by its own
     shadow."""
     colour: RGB = (0.45, 0.44, 0.42)
-    """How bright it makes a white surface that faces it; added up over all lights."""
+    """Brightness of a white surface that faces it; added up over all lights."""
     highlight: float = 0.0
     """Brightness of its reflections on what shines, 0 to 1."""
     shadow: bool = False

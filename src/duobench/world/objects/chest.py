@@ -58,7 +58,7 @@ POST_REACH = (0.022, 0.034)
 """Distances at which the posts meet the lid, in metres from the hinge's axis: above the barrel, and
 far enough from the axis for a print to bear a push at the lip."""
 POST_FOOT = 0.009
-"""How far behind the hinge's axis the posts pass the barrel, in metres."""
+"""Distance behind the hinge's axis at which the posts pass the barrel, in metres."""
 
 OUTER_X, OUTER_Y = CAVITY[0] + 2 * WALL, CAVITY[1] + 2 * WALL
 """Outer depth and width in metres."""

@@ -19,7 +19,7 @@ POST = 0.030
 BASE = (0.20, 0.16, 0.016)
 """Base plate in metres: narrow enough to leave room for an arm's elbow on either side."""
 POST_DEPTH = 0.010
-"""How deep the post stands in the base plate, in metres: as printed, both are short enough."""
+"""Depth of the post in the base plate, in metres: as printed, both are short enough."""
 KEY = (0.010, 0.004)
 """Width and height in metres of the key on the post that keeps the ring from sliding sideways: the
 lower bar lies in a slot of the post, and the key reaches into a notch in its underside."""

@@ -55,7 +55,7 @@ BAR = (0.012, 0.050, 0.022)
 """Edges of a grip's bar in metres: outwards, along the side between its stays, upwards. It is
 longer than the pads of a gripper are wide."""
 ROOT = 0.002
-"""How deep walls reach into the floor, and grips into the rim, in metres."""
+"""Depth of walls in the floor, and of grips in the rim, in metres."""
 STAY = 0.010
 """Width in metres of the two stays that carry a bar."""
 GRIP_LIFT = 0.001
@@ -149,7 +149,7 @@ def wall_variants() -> dict[str, Variant]:
 
 
 def _shown_corners(maze: Maze) -> Iterable[bool]:
-    """Which of the images of corners a maze shows: each corner in one colour."""
+    """Numbers of the corner images that a maze shows: each corner in one colour."""
     colours = {maze.start: _START_COLOUR, maze.goal: _GOAL_COLOUR}
     for corner, colour in _CORNER_COLOURS:
         yield colour == colours.get(corner, _FLOOR_COLOUR)

@@ -70,7 +70,7 @@ SEGMENTS: tuple[Segment, ...] = tuple(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Maze:
-    """Which of the places hold a wall, and from where to where the ball shall roll."""
+    """Walls of a board, and the start and goal of the ball."""
 
     walls: frozenset[Segment]
     """Edges between cells that are closed; the rim of the board is always closed."""

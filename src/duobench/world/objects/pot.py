@@ -37,7 +37,7 @@ BAR_LENGTH = 0.080
 ARM = 0.010
 """Edge in metres of the square arms that carry a bar."""
 _ROOT = 0.002
-"""How deep the arms reach into the wall, in metres: so that they end inside it."""
+"""Depth of the arms in the wall, in metres: so that they end inside it."""
 
 _STEEL = (0.66, 0.68, 0.71, 1.0)
 _LID_COLOUR = (0.76, 0.77, 0.79, 1.0)

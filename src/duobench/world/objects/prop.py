@@ -1,4 +1,4 @@
-"""A prop: what a task puts on the table, as a small tree of rigid parts."""
+"""Prop: an object that a task puts on the table, as a small tree of rigid parts."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -29,11 +29,11 @@ ZED_MINI, D405 = "Stereolabs ZED Mini", "Intel RealSense D405"
 HEAD_POSITION = (0.0113, 0.001, 0.695)
 """Left lens of the ZED Mini in the table frame, in metres [manufacturer's camera holder]."""
 HEAD_PITCH = math.radians(41.0)
-"""How far the head camera looks down."""
+"""Angle of the head camera below the horizontal."""
 WRIST_POSITION = (0.050, 0.0, 0.067)
 """Wrist camera in the flange frame, in metres [manufacturer's camera mount]."""
 WRIST_TILT = math.radians(20.0)
-"""How far a wrist camera is tilted from the flange's z towards the fingertips."""
+"""Tilt of a wrist camera from the flange's z towards the fingertips."""
 OVERVIEW = "overview"
 """A view of the whole scene for people; not part of any observation."""
 

@@ -63,7 +63,7 @@ def tcp_poses(joints: ArrayLike) -> Array:
 
 
 def tool_jacobians(joints: Array) -> Array:
-    """How the tools move with each joint (..., 3, 7), in m/rad in the frames of the arms' bases.
+    """Motion of the tools with each joint (..., 3, 7), in m/rad in the frames of the arms' bases.
 
     At joint positions (..., 7) in radians; the same for both sides.
     """

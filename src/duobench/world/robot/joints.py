@@ -81,7 +81,7 @@ def joint_speed(velocities: Array) -> float:
 
 
 DECELERATIONS = (6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0)
-"""How hard each joint can brake before its end, in rad/s² [manufacturer's robot description]."""
+"""Braking of each joint before its end, in rad/s² [manufacturer's robot description]."""
 OFFSETS = (0.652, 0.25, 0.2005, 0.3542, 0.5738, 0.4885, 0.4592)
 """Reduction of each joint's speed near its ends, in rad/s [manufacturer's description]."""
 _MOST = np.array(VELOCITY_LIMITS)

@@ -87,7 +87,7 @@ class FingerLink(Link):
     mesh_wxyz: Vector
     """Their orientation in its frame, as a quaternion of any length."""
     hull_setback: Vector = (0.0, 0.0, 0.0)
-    """How far its hull lies from its image, in its frame and metres."""
+    """Offset of its hull from its image, in its frame and metres."""
 
 
 _DRIVER_JOINT = {"range": (0.0, 0.9), "armature": 0.005, "damping": (0.1, 0.0, 0.0)}

@@ -1,4 +1,4 @@
-"""Surfaces: who collides with whom, how hard and how rough they are, and boxes without contacts."""
+"""Surfaces: collision groups, stiffness and friction, and boxes without contacts."""
 
 from enum import IntFlag
 

@@ -98,7 +98,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
 
 
 def floor_light() -> NDArray[np.float64]:
-    """How bright the floor is (n, n): the table keeps light away, and so do the walls."""
+    """Brightness of the floor (n, n): the table keeps light away, and so do the walls."""
     n = 128
     (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
     x, y = np.meshgrid(np.linspace(x0, x1, n), np.linspace(y0, y1, n), indexing="xy")
@@ -108,7 +108,7 @@ def floor_light() -> NDArray[np.float64]:
 
 
 def wall_light() -> NDArray[np.float64]:
-    """How bright a wall is (1, n), from the ceiling down: less towards the floor."""
+    """Brightness of a wall (1, n), from the ceiling down: less towards the floor."""
     height = np.linspace(ROOM_HEIGHT, 0.0, 64)[None, :]
     return 1 - 0.22 * np.exp(-height / 0.6)
 

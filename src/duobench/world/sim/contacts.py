@@ -40,7 +40,7 @@ struck by an edge that is as thick, or is round."""
 
 
 class HingeAxis(NamedTuple):
-    """The axis of a hinge as it is now, in the table frame."""
+    """Current axis of a hinge, in the table frame."""
 
     anchor: Any
     """A point (3,) of the axis, in metres."""

@@ -49,7 +49,7 @@ HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""
 
 CLOSED_BY_ANGLE = 0.5 / GRIPPER.drive_closed
-"""How far a gripper is closed, 0 to 1, by the sum of the angles of its two joints in radians."""
+"""Closed share of a gripper, 0 to 1, by the sum of the angles of its two joints in radians."""
 _OPENINGS = np.array(OPENING_SLOTS)
 _FRACTIONS = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
 

@@ -1,4 +1,4 @@
-"""Rendering with MuJoCo: what belongs to the process that renders for a `Renderer`."""
+"""Offscreen rendering with MuJoCo, in the process that renders for a `Renderer`."""
 
 import json
 import math

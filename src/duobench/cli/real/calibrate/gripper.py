@@ -37,7 +37,7 @@ def run(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> None
         "go on, or Ctrl-C to leave."
     )
     if not sys.stdin.readline():
-        raise AdvisedError("Nobody said that the gripper may move.")
+        raise AdvisedError("It was not confirmed that the gripper may move.")
     driver = load_driver("grippers", config.driver)
     found = driver.measure_ends(config, SystemClock())
     replace(known, grippers={**known.grippers, arm: found}).write(rig)

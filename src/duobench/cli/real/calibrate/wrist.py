@@ -42,11 +42,9 @@ def run(
     """
     from duobench.real.calibration.places import calibrate_wrist
 
-    known, sheet, arm = (
-        Rig.read(rig_file(rig)),
-        measured_board(paper, ruler),
-        Side(side),
-    )
+    known = Rig.read(rig_file(rig))
+    sheet = measured_board(paper, ruler)
+    arm = Side(side)
     name = wrist_name(arm)
     folder = open_views(known, views, name, arm, sheet)
     found = calibrate_wrist(folder.views(), arm, sheet, known_lens(known, name))

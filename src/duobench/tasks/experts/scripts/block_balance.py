@@ -25,13 +25,13 @@ _BEAM_SPEED = 0.35
 _BEAM_FREEDOM = 0.5
 """Share of a variety's grasp offset at which the beam does not yet swing about the fingers."""
 _BEAM_GAP = 0.001
-"""How far above the cube the beam is led, in metres."""
+"""Height above the cube at which the beam is led, in metres."""
 _BLOCK_GRASP = 0.018
 """Height of the tool above a block's middle, in metres: the pads hold it."""
 _REACH = 0.078
 """Distance of a block from the middle of the beam: at its end, but wholly on it."""
 _GAP = -0.0005
-"""How far above the beam the blocks are led, in metres: so that both stand on it when let go."""
+"""Height in metres of the blocks above the beam: so that both stand on it when let go."""
 _OUTWARD = {Side.LEFT: math.pi / 2, Side.RIGHT: -math.pi / 2}
 """Yaw at which the fingers open along x and the wrist camera points away from the other arm."""
 

@@ -93,7 +93,7 @@ def _level(
     y: float,
     height: float,
 ) -> SE3:
-    """Pose of the pot level above the plate, turned as it is now."""
+    """Pose of the pot level above the plate, with its current yaw."""
     yaw = arms.sim.pose("pot").yaw
     return SE3.at(x, y, PLATE[2] + HEIGHT / 2 + height, yaw=yaw)
 

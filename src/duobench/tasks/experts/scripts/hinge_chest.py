@@ -34,13 +34,13 @@ _ROD_Y = 0.112
 """How far to the holder's side along the front the lifting tool is, in the chest's frame: the
 fingertips are under the end of the lip, the wide linkage behind them is beside the chest."""
 _OVER_FRONT = 0.036
-"""How far in front of the chest the rod comes under the lip, in metres: the linkage clears it."""
+"""Distance in metres before the chest where the rod comes under the lip: the linkage clears it."""
 _SLIDE = 0.035
 """How much further in under the lid the rod ends, in metres."""
 _START = (-OUTER_X / 2 - _OVER_FRONT, 0.044)
 """Rod under the lip: x and z in the chest's frame."""
 _OPEN_ANGLE = 1.32
-"""How far the lid is opened, in radians: clear of its stop."""
+"""Angle to which the lid is opened, in radians: clear of its stop."""
 _NEARLY = 0.1
 """How much less than that is enough for the other arm to go in, in radians."""
 _ROD_DEPTH = 0.016
@@ -48,7 +48,7 @@ _ROD_DEPTH = 0.016
 _LIFT_SECONDS = 2.0
 
 _WAIT_BESIDE = 0.24
-"""How far beside the chest's centre the cube waits, in metres."""
+"""Distance beside the chest's centre at which the cube waits, in metres."""
 _CARRY_HEIGHT, _ABOVE_RIM = 0.20, 0.15
 """Heights of the tool in metres: carrying, over the open chest."""
 _LEAN = 0.25

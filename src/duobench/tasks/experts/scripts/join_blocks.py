@@ -42,7 +42,7 @@ _BEFORE_WALL = 0.012
 """Distance between the wall's peg and the socket before they meet, in metres."""
 _SLOW = 0.05
 _RETREAT = 0.10
-"""How far each hand backs out after letting go, in metres."""
+"""Distance in metres that each hand backs out after letting go."""
 _CORRECTIONS = 3
 
 

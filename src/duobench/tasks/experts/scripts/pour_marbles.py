@@ -148,7 +148,7 @@ def square(arms: Arms, side: Side) -> SE3:
 
 
 def _marbles_in(arms: Arms, side: Side) -> int:
-    """How many marbles are nearer to a cup's axis than its wall."""
+    """Number of marbles nearer to a cup's axis than its wall."""
     cup = arms.sim.pose(_cup(side)).inverse()
     names = [name for name in arms.sim.props if name.startswith("marble")]
     local = cup.apply(np.array([arms.sim.position(name) for name in names]))

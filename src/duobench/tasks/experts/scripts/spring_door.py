@@ -34,7 +34,7 @@ _BAR_HEIGHT = 0.19
 _AROUND_BAR = 0.55
 """Opening with which the fingers go around the bar."""
 _OPEN_ANGLE = 1.15
-"""How far the door is opened, in radians."""
+"""Angle to which the door is opened, in radians."""
 _ENOUGH = 1.05
 """Angle in radians from which on the other arm goes in."""
 _PULL_SECONDS = 3.0
