@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
+from duobench.core.errors import BackendError
 from duobench.core.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side
 from duobench.envs.protocol import make_env
 from duobench.evaluation import rollout
@@ -39,6 +42,19 @@ def ready_rig(rig: Rig | None = None, *, guard: bool = False) -> FrankaDuo:
     duo = confirmed(new_rig(rig, guard=guard))
     duo.home()
     return duo
+
+
+def home(duo: FrankaDuo, **options: bool) -> None:
+    """Confirm and go home, as an operator does after each stop."""
+    duo.supervisor.confirm()
+    duo.home(**options)
+
+
+def refused(move: Callable[[], object]) -> str:
+    """The words in which something is refused."""
+    with pytest.raises(BackendError) as error:
+        move()
+    return str(error.value)
 
 
 def arm(duo: FrankaDuo, side: Side) -> SimulatedArm:

@@ -1,6 +1,5 @@
 """How many boards a fixed sequence of tilts wins in time: an exact search in a model."""
 
-
 import pytest
 
 from dev.tools.mazes import TIME, Game, fewest_steps, most_solved, price
