@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, cast
 
@@ -16,7 +17,7 @@ from duobench.evaluation import rollout
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
-from duobench.real.opening import open_rig
+from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.real.rig import Rig
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.sim.layout import Layout
@@ -28,6 +29,16 @@ PERIOD = 1.0 / CONTROL_HZ
 def new_rig(rig: Rig | None = None, *, guard: bool = False) -> FrankaDuo:
     """A simulated rig that is not started, or another one."""
     return open_rig(rig or simulated_rig(), VirtualClock(), guard=guard)
+
+
+def quick_rig(*, cameras: bool = False, **changes: Any) -> Rig:
+    """The rehearsal, whose arms go home as fast as they may; changes are fields of its arms."""
+    rig = rehearsal_rig()
+    arms = {
+        side: replace(arm, **{"home_fraction": arm.speed_fraction} | changes)
+        for side, arm in rig.arms.items()
+    }
+    return replace(rig, arms=arms, cameras=rig.cameras if cameras else {})
 
 
 def confirmed(duo: FrankaDuo) -> FrankaDuo:

@@ -6,7 +6,7 @@ Grippers are spoken to by their driver, and imitated at the other end by the man
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -242,14 +242,7 @@ def test_swapped_arms_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) 
         read = device.read
 
         def reading() -> ArmReading:
-            said = read()
-            torques = (felt + noise)[side.index]
-            return ArmReading(
-                **{
-                    name: torques if name == "torques" else getattr(said, name)
-                    for name in ArmReading.__dataclass_fields__
-                }
-            )
+            return replace(read(), torques=(felt + noise)[side.index])
 
         monkeypatch.setattr(device, "read", reading)
 

@@ -27,7 +27,7 @@ from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.sim import rendering_process
 from duobench.world.sim.rendering import Renderer
-from tests.real.rigs import home, refused, wait
+from tests.real.rigs import home, new_rig, quick_rig, refused, wait
 
 TASK = catalog.get("transfer_cube")
 LAYOUT = next(TASK.layouts(1))
@@ -36,12 +36,8 @@ CUBE = "cube"
 
 @contextmanager
 def rehearsal(*, cameras: bool = False, **changes: Any) -> Iterator[FrankaDuo]:
-    """A rehearsal that is started and confirmed; changes are fields of its arms."""
-    rig = rehearsal_rig()
-    quick = {"home_fraction": rig.arms[Side.LEFT].speed_fraction} | changes
-    arms = {side: replace(arm, **quick) for side, arm in rig.arms.items()}
-    rig = replace(rig, arms=arms, cameras=rig.cameras if cameras else {})
-    with closing(open_rig(rig, VirtualClock(), guard=False)) as duo:
+    """A rehearsal that is started; changes are fields of its arms."""
+    with closing(new_rig(quick_rig(cameras=cameras, **changes))) as duo:
         duo.start()
         yield duo
 
@@ -203,7 +199,7 @@ def test_a_person_stops_the_arms_until_the_button_is_released(duo: FrankaDuo) ->
 def test_swapped_arms_are_told_by_gravity() -> None:
     rig = rehearsal_rig()
     swapped = {side: replace(rig.arms[side], address=side.other) for side in SIDES}
-    duo = open_rig(replace(rig, arms=swapped, cameras={}), VirtualClock(), guard=False)
+    duo = new_rig(replace(rig, arms=swapped, cameras={}))
     with closing(duo), pytest.raises(BackendError, match="swapped"):
         duo.start()
 

@@ -18,8 +18,7 @@ import pytest
 from duobench.core.errors import BackendError
 from duobench.core.randomness import EVAL, episode_seed
 from duobench.core.types import SIDES, Side
-from duobench.real.clock import SystemClock, VirtualClock
-from duobench.real.opening import open_rig
+from duobench.real.clock import SystemClock
 from duobench.real.rig import Rig
 from duobench.real.sessions import messages
 from duobench.real.sessions.session import Phase
@@ -30,11 +29,11 @@ from duobench.results.labels import FaultKind
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.world.robot.joints import HOME_JOINTS
-from tests.real.rigs import joints, put
+from tests.real.rigs import joints, new_rig, put, quick_rig
 from tests.real.sessions import rehearsed
 from tests.real.sessions.operator import Operator, Stand, operated, records
 from tests.real.sessions.rehearsal_operator import RehearsalOperator
-from tests.real.sessions.test_rehearsal import AFTER, quick_rig
+from tests.real.sessions.test_rehearsal import AFTER
 
 TASK = "ball_maze"
 EPISODES = 4
@@ -168,7 +167,7 @@ def test_two_days(tmp_path: Path) -> None:
 
     # The second morning: somebody has plugged the cables in again, the wrong way.
     swapped = replace(rig, arms={side: rig.arms[side.other] for side in SIDES})
-    duo = open_rig(swapped, VirtualClock(), guard=False)
+    duo = new_rig(swapped)
     world = duo.world
     assert world is not None
     before = [world.arms[side].joints.copy() for side in SIDES]
