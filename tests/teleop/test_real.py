@@ -226,8 +226,7 @@ def test_page_shows_what_is_waited_for_and_a_second_press_skips_nothing(tmp_path
     with closing(PageServer({})) as server:
         live = RigTeleopPage(bench.session, server)
         with open_page(server.url) as page:
-            page.say(kind="drive")
-            page.hear_of("role", role="driver")
+            page.drive()
             bench.lead(5)
             live.show()
             page.hear_of("status", state="recording")
@@ -300,8 +299,7 @@ def test_the_page_shows_the_arms_and_holds_them_when_it_is_lost(tmp_path: Path) 
     with closing(PageServer({})) as server:
         live = RigTeleopPage(bench.session, server)
         with open_page(server.url) as page:
-            page.say(kind="drive")
-            page.hear_of("role", role="driver")
+            page.drive()
             live.show()
             first = page.frame()
             for _ in range(3):
