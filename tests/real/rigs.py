@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, cast
@@ -133,18 +133,22 @@ class Steps:
         self.error = error
 
 
-def half_tempo(task: str) -> tuple[list[Array], Layout]:
-    """What an expert sends in its first episode, each (16,), and the middles between them.
-
-    And the layout of that episode.
-    """
-    env, watcher = make_env(task, cameras=False), Steps()
-    rollout(env, ExpertPolicy(env), seed=0, watchers=[watcher])
+def shown(task: str, seeds: Iterable[int] = (0,)) -> Iterator[tuple[Array, Layout]]:
+    """Commands (n, 16) of an expert in simulated episodes, and their layouts."""
+    env = make_env(task, cameras=False)
+    for seed in seeds:
+        watcher: Any = Steps()
+        rollout(env, ExpertPolicy(env), seed=seed, watchers=[watcher])
+        commands = np.array([step.info["sent"] for step in watcher.steps])
+        yield commands, Layout.from_json(watcher.info["layout"])
     env.close()
-    assert len(watcher.steps) > 50
-    sent = [step.info["sent"] for step in watcher.steps]
-    way = [each for one, two in pairwise(sent) for each in ((one + two) / 2.0, two)]
-    return way, Layout.from_json(watcher.info["layout"])
+
+
+def half_tempo(task: str) -> tuple[list[Array], Layout]:
+    """Commands of an expert in its first episode, the middles between them, and its layout."""
+    ((commands, layout),) = shown(task)
+    assert len(commands) > 50
+    return [each for one, two in pairwise(commands) for each in ((one + two) / 2.0, two)], layout
 
 
 def wait(duo: FrankaDuo, seconds: float) -> None:
