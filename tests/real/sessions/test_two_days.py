@@ -8,7 +8,6 @@ swapped, the rig was measured again, and the page freezes while the arms go home
 from __future__ import annotations
 
 import re
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,6 +33,7 @@ from tests.real.sessions import rehearsed
 from tests.real.sessions.operator import Operator, Stand, operated, records
 from tests.real.sessions.rehearsal_operator import RehearsalOperator
 from tests.real.sessions.test_rehearsal import AFTER
+from tests.web.pages import wait_until
 
 TASK = "ball_maze"
 EPISODES = 4
@@ -203,10 +203,7 @@ def test_a_page_that_freezes_while_the_arms_go_home_holds_them(tmp_path: Path) -
         operator.phase("placing")
         operator.say("home")
         operator.phase("moving")
-        end = time.monotonic() + 60.0
-        while stand.duo.supervisor.state is State.HOMING or stand.duo.held is None:
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        wait_until(lambda: stand.duo.supervisor.state is not State.HOMING and stand.duo.held)
         held.append(stand.duo.held or "")
         stand.session.stop()
 
