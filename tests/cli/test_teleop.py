@@ -20,8 +20,7 @@ STEPS = 5
 def lead(url: str) -> None:
     """Open both hands, squeeze them for some steps, and leave."""
     with open_page(url) as page:
-        page.say(kind="drive")
-        page.hear_of("role", role="driver")
+        page.drive()
         for number in range(STEPS + 1):
             one = hand(SE3.at(z=0.002 * number), squeeze=float(number > 0))
             page.say(**json.loads(message(number, one, one, devices=["gamepad"])))

@@ -56,19 +56,6 @@ def test_run_may_grow_and_then_is_like_one_that_was_that_long(play, reference):
         play("random", episodes=3)
 
 
-def test_other_run_is_refused_in_the_same_folder(play):
-    folder, _ = play("random", episodes=1)
-    before = compared(folder)
-    for policy, options, message in (
-        ("hold", {}, "policy hold instead of random"),
-        ("random", {"limits": TimeLimits(act_timeout=5.0)}, r"act_timeout 5\.0 instead of 120\.0"),
-        ("random", {"look": "dark"}, "environment's look dark instead of default"),
-    ):
-        with pytest.raises(OtherRunError, match=message):
-            play(policy, episodes=1, **options)
-    assert compared(folder) == before
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 1])
 def test_policy_that_was_edited_does_not_go_on_with_a_run(play, tmp_path, monkeypatch, workers):

@@ -16,11 +16,10 @@ import duobench
 from duobench.cli import main
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder
-from duobench.real.clock import VirtualClock
 from duobench.real.env import make_real_env
-from duobench.real.opening import open_rig
 from tests.lerobot.tools import TINY, load, record
-from tests.real.simulated import MARK, MARKS, simulated_rig
+from tests.real.rigs import new_rig
+from tests.real.simulated import MARK, MARKS
 
 TASK = "bin_sort"
 LENGTH = 34
@@ -32,7 +31,7 @@ def sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated and a real episode, exported apart and together, as the page lerobot says."""
     folder = tmp_path_factory.mktemp("data")
     record(Recorder(duobench.make(TASK, cameras=(), horizon=LENGTH), folder / "sim-demos"))
-    duo = open_rig(simulated_rig(), VirtualClock(), guard=False)
+    duo = new_rig()
     real = make_real_env(duo, TASK, cameras=(), horizon=LENGTH)
     duo.supervisor.confirm()
     rig = RigRecorder(duo, waits=True)

@@ -66,8 +66,7 @@ def teleoperator(tmp_path: Path) -> Iterator[Any]:
 @pytest.fixture
 def page(teleoperator: Any) -> Iterator[Page]:
     with open_page(teleoperator.url) as page:
-        page.say(kind="drive")
-        page.hear_of("role", role="driver")
+        page.drive()
         yield page
         page.connection.socket.shutdown(socket.SHUT_RDWR)  # unread frames would delay a farewell
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
+from duobench.core.errors import BackendError
 from duobench.core.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side
 from duobench.envs.protocol import make_env
 from duobench.evaluation import rollout
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
-from duobench.real.opening import open_rig
+from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.real.rig import Rig
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.sim.layout import Layout
@@ -25,6 +29,16 @@ PERIOD = 1.0 / CONTROL_HZ
 def new_rig(rig: Rig | None = None, *, guard: bool = False) -> FrankaDuo:
     """A simulated rig that is not started, or another one."""
     return open_rig(rig or simulated_rig(), VirtualClock(), guard=guard)
+
+
+def quick_rig(*, cameras: bool = False, **changes: Any) -> Rig:
+    """The rehearsal, whose arms go home as fast as they may; changes are fields of its arms."""
+    rig = rehearsal_rig()
+    arms = {
+        side: replace(arm, **{"home_fraction": arm.speed_fraction} | changes)
+        for side, arm in rig.arms.items()
+    }
+    return replace(rig, arms=arms, cameras=rig.cameras if cameras else {})
 
 
 def confirmed(duo: FrankaDuo) -> FrankaDuo:
@@ -39,6 +53,19 @@ def ready_rig(rig: Rig | None = None, *, guard: bool = False) -> FrankaDuo:
     duo = confirmed(new_rig(rig, guard=guard))
     duo.home()
     return duo
+
+
+def home(duo: FrankaDuo, **options: bool) -> None:
+    """Confirm and go home, as an operator does after each stop."""
+    duo.supervisor.confirm()
+    duo.home(**options)
+
+
+def refused(move: Callable[[], object]) -> str:
+    """The words in which something is refused."""
+    with pytest.raises(BackendError) as error:
+        move()
+    return str(error.value)
 
 
 def arm(duo: FrankaDuo, side: Side) -> SimulatedArm:
@@ -106,18 +133,22 @@ class Steps:
         self.error = error
 
 
-def half_tempo(task: str) -> tuple[list[Array], Layout]:
-    """What an expert sends in its first episode, each (16,), and the middles between them.
-
-    And the layout of that episode.
-    """
-    env, watcher = make_env(task, cameras=False), Steps()
-    rollout(env, ExpertPolicy(env), seed=0, watchers=[watcher])
+def shown(task: str, seeds: Iterable[int] = (0,)) -> Iterator[tuple[Array, Layout]]:
+    """Commands (n, 16) of an expert in simulated episodes, and their layouts."""
+    env = make_env(task, cameras=False)
+    for seed in seeds:
+        watcher: Any = Steps()
+        rollout(env, ExpertPolicy(env), seed=seed, watchers=[watcher])
+        commands = np.array([step.info["sent"] for step in watcher.steps])
+        yield commands, Layout.from_json(watcher.info["layout"])
     env.close()
-    assert len(watcher.steps) > 50
-    sent = [step.info["sent"] for step in watcher.steps]
-    way = [each for one, two in pairwise(sent) for each in ((one + two) / 2.0, two)]
-    return way, Layout.from_json(watcher.info["layout"])
+
+
+def half_tempo(task: str) -> tuple[list[Array], Layout]:
+    """Commands of an expert in its first episode, the middles between them, and its layout."""
+    ((commands, layout),) = shown(task)
+    assert len(commands) > 50
+    return [each for one, two in pairwise(commands) for each in ((one + two) / 2.0, two)], layout
 
 
 def wait(duo: FrankaDuo, seconds: float) -> None:

@@ -4,9 +4,10 @@ A rig's file names them as `module:NAME`; they need no engine. Arms have no mass
 nothing.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -251,8 +252,11 @@ ARM, GRIPPER, CAMERA = (
 """Names of the drivers in a rig's file."""
 
 
-def simulated_rig() -> Rig:
-    """A rig of simulated devices alone, whose arms may be as fast as any."""
+def simulated_rig(changed: Sequence[Side] = SIDES, **changes: Any) -> Rig:
+    """A rig of simulated devices alone, whose arms may be as fast as any.
+
+    Changes are fields of both arms, or of some.
+    """
     arms = {
         side: ArmConfig(
             driver=ARM,
@@ -263,6 +267,7 @@ def simulated_rig() -> Rig:
         )
         for side in SIDES
     }
+    arms |= {side: replace(arms[side], **changes) for side in changed}
     return Rig(
         name="simulated",
         arms=arms,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.core.errors import BackendError, OptionError, UnknownNameError
+from duobench.core.errors import OptionError, UnknownNameError
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.data import DataSet, Recorder
 from duobench.envs import base_of
@@ -23,7 +23,7 @@ from duobench.teleop.hands import HandDevice
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.world.robot.frames import tcp_poses
 from duobench.world.robot.joints import HOME_JOINTS
-from tests.real.rigs import Steps, arm, new_rig, wait
+from tests.real.rigs import Steps, arm, new_rig, refused, wait
 from tests.teleop.operator import hand, message, said
 
 TASK = "bin_sort"
@@ -216,8 +216,7 @@ def test_what_only_a_simulation_has_is_refused(options: dict[str, Any], error: t
 def test_a_reset_waits_for_the_operator_where_it_is_told_to() -> None:
     duo = new_rig()
     env = make_real_env(duo, TASK, cameras=False)
-    with pytest.raises(BackendError, match="before the operator has confirmed"):
-        env.reset()
+    assert "before the operator has confirmed" in refused(env.reset)
     base_of(env).prepare = lambda _options: duo.supervisor.confirm()  # type: ignore[attr-defined]
     env.reset()
     assert isinstance(base_of(env), RealEnv)

@@ -50,6 +50,4 @@ def test_everything_that_a_file_says_changes_its_hash(tmp_path: Path) -> None:
     plain.write(path)
     again = new_rig(path).rig
     assert (again, again.hash) == (plain, plain.hash)
-    slower = replace(plain.arms[Side.LEFT], acceleration=1.0)
-    other = replace(plain, arms={**plain.arms, Side.LEFT: slower})
-    assert other.hash != plain.hash
+    assert simulated_rig([Side.LEFT], acceleration=1.0).hash != plain.hash

@@ -24,11 +24,13 @@ from tests.real.rigs import (
     camera,
     confirmed,
     gripper,
+    home,
     joints,
     move_on,
     new_rig,
     put,
     ready_rig,
+    refused,
     shifted,
     speeds,
     wait,
@@ -133,8 +135,7 @@ def test_an_episode_ends_with_the_reason_and_nothing_recorded_is_lost(
     assert len(recording.sent) in {steps, steps + 1}
     assert recording.info.outcome is not None
     assert text in (recording.info.outcome.reason or "")
-    with pytest.raises(BackendError, match="Recover"):
-        env.reset()
+    assert "Recover" in refused(env.reset)
     env.close()
 
 
@@ -143,18 +144,15 @@ def test_only_the_operator_recovers_and_then_has_to_confirm_before_home() -> Non
     arm(duo, RIGHT).fail()
     wait(duo, 0.1)
     for move in (duo.home, duo.supervisor.confirm):
-        with pytest.raises(BackendError, match="Recover"):
-            move()
+        assert "Recover" in refused(move)
     assert duo.supervisor.state is State.FAULTED
     duo.supervisor.recover()
     assert (duo.held, duo.fault, duo.supervisor.state) == (None, None, State.CONNECTED)
     told = [arm(duo, side).commands for side in SIDES]
     wait(duo, 1.0)
     assert [arm(duo, side).commands for side in SIDES] == told
-    with pytest.raises(BackendError, match="before the operator has confirmed"):
-        duo.home()
-    duo.supervisor.confirm()
-    duo.home()
+    assert "before the operator has confirmed" in refused(duo.home)
+    home(duo)
     assert duo.supervisor.state is State.READY
 
 
@@ -169,8 +167,7 @@ def test_a_fault_that_stays_keeps_the_rig_faulted() -> None:
         raise BackendError("The fault stays.")
 
     arm(duo, RIGHT).recover = stay  # type: ignore[method-assign]
-    with pytest.raises(BackendError, match="The fault stays"):
-        duo.supervisor.recover()
+    assert "The fault stays" in refused(duo.supervisor.recover)
     assert [*states, duo.supervisor.state] == [State.FAULTED, State.RECOVERING, State.FAULTED]
     assert "locked" in (duo.held or "")
 
@@ -179,8 +176,7 @@ def test_a_gripper_that_is_still_silent_keeps_the_rig_faulted() -> None:
     duo = ready_rig()
     silence(gripper(duo, RIGHT))
     wait(duo, 1.0)
-    with pytest.raises(BackendError, match="has not answered"):
-        duo.supervisor.recover()
+    assert "has not answered" in refused(duo.supervisor.recover)
     gripper(duo, RIGHT).is_silent = False
     duo.supervisor.recover()
     assert duo.supervisor.state is State.CONNECTED
@@ -198,8 +194,7 @@ def test_the_first_reason_is_kept_and_a_fault_goes_before_a_persons_hold() -> No
     duo.hold("The episode is over.")
     assert "What is wrong." in duo.held
     assert duo.supervisor.state is State.FAULTED
-    with pytest.raises(BackendError, match="Recover"):
-        duo.home()
+    assert "Recover" in refused(duo.home)
 
 
 def test_a_fault_on_the_way_home_holds_both_arms_there() -> None:
@@ -207,8 +202,7 @@ def test_a_fault_on_the_way_home_holds_both_arms_there() -> None:
     put(duo, shifted(0.4).joints)
     confirmed(duo)
     ticker = duo.clock.every(0.5, arm(duo, RIGHT).fail, "a reflex")
-    with pytest.raises(BackendError, match="did not get home: The right arm: cartesian_reflex"):
-        duo.home()
+    assert "did not get home: The right arm: cartesian_reflex" in refused(duo.home)
     ticker.stop()
     wait(duo, 0.3)
     assert np.abs(speeds(duo)).max() < 1e-3
@@ -222,8 +216,7 @@ def test_an_arm_that_cannot_begin_to_track_leaves_the_other_one_alone() -> None:
         raise BackendError("The brakes are closed.")
 
     arm(duo, RIGHT).start = refuse  # type: ignore[method-assign]
-    with pytest.raises(BackendError, match="brakes are closed"):
-        duo.home()
+    assert "brakes are closed" in refused(duo.home)
     assert not duo.readings()[Side.LEFT].is_tracking
     assert duo.supervisor.state is State.FAULTED
 
@@ -231,8 +224,7 @@ def test_an_arm_that_cannot_begin_to_track_leaves_the_other_one_alone() -> None:
 def test_a_rig_with_a_device_that_cannot_be_reached_stays_off() -> None:
     duo = new_rig()
     arm(duo, RIGHT).is_reachable = False
-    with pytest.raises(BackendError, match="does not answer"):
-        duo.start()
+    assert "does not answer" in refused(duo.start)
     assert duo.supervisor.state is State.OFF
     arm(duo, RIGHT).is_reachable = True
     duo.start()

@@ -23,6 +23,7 @@ from duobench.real.opening import open_rig
 from duobench.real.rig import CameraConfig
 from duobench.results.labels import FaultKind
 from tests.real.simulated import simulated_rig
+from tests.web.pages import wait_until
 
 COUNT = 12
 
@@ -184,10 +185,8 @@ class Numbers(ThreadedCamera):
 
 
 def wait_for_fault(camera: ThreadedCamera) -> str:
-    end = time.monotonic() + 60.0
-    while camera.fault is None:
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    wait_until(lambda: camera.fault is not None)
+    assert camera.fault is not None
     return camera.fault.text
 
 
@@ -202,10 +201,12 @@ def camera() -> Iterator[Numbers]:
 def test_a_thread_waits_for_images(camera: Numbers) -> None:
     first = camera.latest()
     assert first is not None
-    end = time.monotonic() + 60.0
-    while (frame := camera.latest()) is None or frame.index < first.index + 5:
-        assert time.monotonic() < end
-        time.sleep(0.005)
+
+    def goes_on() -> bool:
+        frame = camera.latest()
+        return frame is not None and frame.index >= first.index + 5
+
+    wait_until(goes_on)
     camera.hangs = True
     assert "has given no image for" in wait_for_fault(camera)
     camera.close()
@@ -229,10 +230,7 @@ def test_a_camera_that_was_unplugged_comes_back_once_the_operator_recovers(camer
         duo.start()
         camera.fails = "the plug was pulled"
         wait_for_fault(camera)
-        end = time.monotonic() + 60.0
-        while duo.fault is None:
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        wait_until(lambda: duo.fault is not None)
         for _ in range(2):  # it stays wrong as long as nothing was done
             with pytest.raises(BackendError, match="the plug was pulled"):
                 duo.supervisor.recover()

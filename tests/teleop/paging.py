@@ -58,8 +58,7 @@ def record(
         server.on_message = take_and_note
         operator = Operator(session)
         with open_page(server.url) as page:
-            page.say(kind="drive")
-            page.hear_of("role", role="driver")
+            page.drive()
 
             def send() -> None:
                 if session.state is not TeleopState.OVER:

@@ -54,8 +54,7 @@ class Driver:
 
     def __init__(self, page: Page) -> None:
         self._page, self._number = page, 0
-        page.say(kind="drive")
-        page.hear_of("role", role="driver")
+        page.drive()
 
     def send(self, *, squeeze: float, height: float = 0.0) -> float:
         """When it was sent, by the page's clock."""

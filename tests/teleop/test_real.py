@@ -14,8 +14,6 @@ import pytest
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.data import Actor, ActorKind, DataSet, find_problems
 from duobench.data.attempts import of_task
-from duobench.real.clock import VirtualClock
-from duobench.real.opening import open_rig
 from duobench.real.rig import Rig
 from duobench.real.sessions.operator import hold_by_key
 from duobench.real.sessions.rig_teleoperation import (
@@ -33,8 +31,8 @@ from duobench.teleop.teleoperation import TeleopState
 from duobench.web.server import PageServer
 from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from tests.real.rigs import new_rig
 from tests.real.sessions.test_recording import Script
-from tests.real.simulated import simulated_rig
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.web.pages import open_page, wait_until
 
@@ -54,7 +52,7 @@ class Bench:
         task: str = TASK,
         **options: Any,
     ) -> None:
-        self.duo = open_rig(rig or simulated_rig(), VirtualClock(), guard=False)
+        self.duo = new_rig(rig)
         self.terminal = Script(answers, usual="h")
         recorder = make_real_recorder(self.duo, task, folder, PERSON, after_success=0.2)
         self.session = RigTeleoperation(recorder, HandDevice(), self.terminal, **options)
@@ -228,8 +226,7 @@ def test_page_shows_what_is_waited_for_and_a_second_press_skips_nothing(tmp_path
     with closing(PageServer({})) as server:
         live = RigTeleopPage(bench.session, server)
         with open_page(server.url) as page:
-            page.say(kind="drive")
-            page.hear_of("role", role="driver")
+            page.drive()
             bench.lead(5)
             live.show()
             page.hear_of("status", state="recording")
@@ -302,8 +299,7 @@ def test_the_page_shows_the_arms_and_holds_them_when_it_is_lost(tmp_path: Path) 
     with closing(PageServer({})) as server:
         live = RigTeleopPage(bench.session, server)
         with open_page(server.url) as page:
-            page.say(kind="drive")
-            page.hear_of("role", role="driver")
+            page.drive()
             live.show()
             first = page.frame()
             for _ in range(3):

@@ -77,6 +77,11 @@ class Page:
             if message["kind"] == kind and fields.items() <= message.items():
                 return message
 
+    def drive(self, **fields: Any) -> None:
+        """Ask to drive, and wait until it is allowed."""
+        self.say(kind="drive")
+        self.hear_of("role", role="driver", **fields)
+
     def frame(self) -> bytes:
         """The next frame."""
         while not self.frames:

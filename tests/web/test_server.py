@@ -274,8 +274,7 @@ def test_one_drives_and_others_watch(server: PageServer) -> None:
     lost: list[bool] = []
     server.listen(None, lambda _message: None, lost.append)
     with open_page(server.url) as first, open_page(server.url) as second:
-        first.say(kind="drive")
-        first.hear_of("role", role="driver", viewers=1)
+        first.drive(viewers=1)
         for kind in ("drive", "take_over"):  # who drives already changes nothing
             first.say(kind=kind)
         first.say(kind="ping", sent=0)
@@ -290,8 +289,7 @@ def test_one_drives_and_others_watch(server: PageServer) -> None:
         second.connection.socket.shutdown(socket.SHUT_RDWR)  # it is gone without a goodbye
         first.hear_of("role", drivers=0)
         assert lost == [True, False]
-        first.say(kind="drive")
-        first.hear_of("role", role="driver", viewers=0)
+        first.drive(viewers=0)
 
 
 # --- what is shown -------------------------------------------------------------------------------

@@ -10,12 +10,9 @@ import numpy as np
 from duobench.core.randomness import policy_seed
 from duobench.core.types import OPENING_SLOTS, Array
 from duobench.envs.action_modes import JOINT
-from duobench.envs.protocol import make_env
-from duobench.evaluation import rollout
-from duobench.evaluation.policies import ExpertPolicy
 from duobench.policy import PolicyMetadata
 from duobench.real.sessions.recording import TEMPO, slowed
-from tests.real.rigs import Steps
+from tests.real.rigs import shown
 
 MODULE = "tests.real.sessions.rehearsed"
 CHUNK = 15
@@ -88,13 +85,7 @@ POLICIES = tuple((f"{MODULE}:{each.__name__}", "real") for each in (Expert, Cut,
 
 def learn(task: str, seeds: Iterable[int]) -> int:
     """Have experts show their commands; the number of the longest ones."""
-    longest = 0
-    env = make_env(task, cameras=False)
-    for seed in seeds:
-        watcher: Any = Steps()
-        rollout(env, ExpertPolicy(env), seed=seed, watchers=[watcher])
-        sent = np.array([step.info["sent"] for step in watcher.steps])
-        Expert.commands[policy_seed(task, seed)] = slowed(sent, TEMPO)
-        longest = max(longest, len(Expert.commands[policy_seed(task, seed)]))
-    env.close()
-    return longest
+    seeds = tuple(seeds)
+    learned = [slowed(commands, TEMPO) for commands, _ in shown(task, seeds)]
+    Expert.commands.update(zip((policy_seed(task, seed) for seed in seeds), learned, strict=True))
+    return max(map(len, learned))

@@ -4,14 +4,12 @@ import resource
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from duobench.cli import main
 from duobench.core.errors import BackendError, EvaluationError, OutputError
-from duobench.real.rig import Rig
 from duobench.real.sessions.trials_folder import (
     LogEntry,
     LogKind,
@@ -58,19 +56,14 @@ def test_every_day_has_its_rater(tmp_path: Path) -> None:
 def test_arms_that_cannot_be_reached_begin_no_evaluation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def rig(speed: float) -> Rig:
-        usual = simulated_rig()
-        arms = {side: replace(arm, speed_fraction=speed) for side, arm in usual.arms.items()}
-        return replace(usual, arms=arms)
-
     def fail(_arm: SimulatedArm) -> None:
         raise BackendError("The arm cannot be reached.")
 
     with monkeypatch.context() as patched:
         patched.setattr(SimulatedArm, "connect", fail)
         with pytest.raises(BackendError):
-            Stand(tmp_path / "t", rig=rig(0.1))
-    Stand(tmp_path / "t", rig=rig(0.2)).ending.close()
+            Stand(tmp_path / "t", rig=simulated_rig(speed_fraction=0.1))
+    Stand(tmp_path / "t", rig=simulated_rig(speed_fraction=0.2)).ending.close()
 
 
 @pytest.fixture(scope="module")

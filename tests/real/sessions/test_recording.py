@@ -15,14 +15,12 @@ from duobench.core.types import Side
 from duobench.data import DataSet, Outcome, Recording, find_problems
 from duobench.evaluation.policies import PolicySource
 from duobench.policy import PolicyMetadata
-from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
-from duobench.real.opening import open_rig
 from duobench.real.sessions.policy_runner import REASONS
 from duobench.real.sessions.recording import Playback, RigRecording, find_policy, slowed
 from duobench.results.labels import FaultKind
 from duobench.world.robot.cameras import POLICY_CAMERAS
-from tests.real.simulated import simulated_rig
+from tests.real.rigs import new_rig
 
 TASK = "carry_pot"
 HORIZON = 24
@@ -85,7 +83,7 @@ def session(
     on_step: Callable[[FrankaDuo, int], None] = lambda _duo, _step: None,
     **options: Any,
 ) -> Iterator[RigRecording]:
-    duo = open_rig(simulated_rig(), VirtualClock(), guard=False)
+    duo = new_rig()
     if source is None:
         policy = Sways(script, lambda step: on_step(duo, step))
         source = PolicySource(metadata=policy.metadata, bind=lambda _env: policy)

@@ -19,14 +19,12 @@ import pytest
 from duobench.core.randomness import EVAL, episode_seed
 from duobench.core.types import CONTROL_HZ
 from duobench.data import DataSet
-from duobench.real.clock import VirtualClock
-from duobench.real.opening import open_rig, rehearsal_rig
-from duobench.real.rig import Rig
 from duobench.real.sessions.recording import RigRecording, find_policy
 from duobench.real.sessions.session import HELD_BY_OPERATOR
 from duobench.results.labels import FaultKind
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
+from tests.real.rigs import new_rig, quick_rig
 from tests.real.sessions import rehearsed
 from tests.real.sessions.operator import Stand
 from tests.real.sessions.rehearsal_operator import RehearsalOperator
@@ -46,13 +44,6 @@ AFTER = 45
 """Control steps after the last command of an expert: 1.5 s for a stage to be pressed."""
 LATE_S = 1.2
 """Longest time from a stage to its press that was right at once."""
-
-
-def quick_rig() -> Rig:
-    """The rehearsal without images, whose arms go home as fast as they may."""
-    rig = rehearsal_rig()
-    arms = {side: replace(arm, home_fraction=arm.speed_fraction) for side, arm in rig.arms.items()}
-    return replace(rig, arms=arms, cameras={})
 
 
 @pytest.mark.long
@@ -114,7 +105,7 @@ def test_recording_on_a_rehearsal_solves_the_task(
 ) -> None:
     """The terminal of `real record` is answered; the objects of the world are really moved."""
     (demonstration,) = DataSet(demonstrations("bin_sort")).episodes()
-    duo = open_rig(quick_rig(), VirtualClock(), guard=False)
+    duo = new_rig(quick_rig())
     source, script = find_policy(str(demonstration)), Script("ahpk", {})
     data = DataSet.open(tmp_path)
     options = {"horizon": 320, "episodes": 1}

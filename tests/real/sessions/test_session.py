@@ -76,19 +76,38 @@ def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path:
     assert "communication (1)" in stand.folder.run.page.read_text()
 
 
-def test_reflex_counts_against_the_policy(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "told", "counts"),
+    [
+        (FaultKind.CONTACT, "counts against the policy", True),
+        (FaultKind.LIMIT, "the policy's doing", True),
+        (FaultKind.LIMIT, "the policy's doing", False),
+    ],
+)
+def test_fault_of_the_policys_doing_counts_unless_the_operator_says_otherwise(
+    kind: FaultKind, told: str, counts: bool, tmp_path: Path
+) -> None:
     def script(operator: Operator) -> None:
-        operator.fail_in_trial(1, "cartesian_reflex")
-        assert "counts against the policy" in operator.phase("judging")["message"]
-        operator.finish()
+        operator.fail_in_trial(1, "joint_reflex", kind)
+        assert told in operator.phase("judging")["message"]
+        assert operator.status["reasons"] == []
+        if counts:
+            operator.finish()
+            return
+        operator.invalid("Our gains are too soft.")
+        operator.stand.session.stop()
 
-    stand = played(tmp_path / "t", script)
+    stand = played(tmp_path / "t", script, is_complete=counts)
+    if not counts:
+        (one,) = invalid(stand)
+        assert (one.fault, one.is_chosen, one.stage) == (kind, True, 1)
+        return
     record, judged = only_record(stand)
     assert (record.final_stage, record.success, record.truncated) == (1, False, True)
-    assert judged.fault is FaultKind.CONTACT
-    assert "cartesian_reflex" in judged.stopped
-    assert write_trials_report(stand.folder).policies[0].stops == "contact (1)"
-    assert "cartesian_reflex" in stand.folder.run.page.read_text()
+    assert judged.fault is kind
+    assert "joint_reflex" in judged.stopped
+    assert write_trials_report(stand.folder).policies[0].stops == f"{kind} (1)"
+    assert "joint_reflex" in stand.folder.run.page.read_text()
 
 
 @pytest.mark.parametrize("kind", [FaultKind.PERSON, FaultKind.CONTROLLER])
@@ -143,27 +162,6 @@ def test_a_stop_while_the_arms_go_home_is_asked_about_as_well(tmp_path: Path) ->
     stand = played(tmp_path / "t", script, is_complete=False)
     (found,) = invalid(stand)
     assert (found.fault, found.reason) == (FaultKind.PERSON, "A visitor came near.")
-
-
-@pytest.mark.parametrize("counts", [True, False])
-def test_operator_says_whose_doing_a_limit_was(counts: bool, tmp_path: Path) -> None:
-    def script(operator: Operator) -> None:
-        operator.fail_in_trial(1, "too far", FaultKind.LIMIT)
-        assert "the policy's doing" in operator.phase("judging")["message"]
-        assert operator.status["reasons"] == []
-        if counts:
-            operator.finish()
-            return
-        operator.invalid("Our gains are too soft.")
-        operator.stand.session.stop()
-
-    stand = played(tmp_path / "t", script, is_complete=counts)
-    if counts:
-        record, judged = only_record(stand)
-        assert (record.final_stage, judged.fault) == (1, FaultKind.LIMIT)
-    else:
-        (one,) = invalid(stand)
-        assert (one.fault, one.is_chosen, one.stage) == (FaultKind.LIMIT, True, 1)
 
 
 def test_fault_in_the_step_of_the_success_does_not_take_it_back(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ swapped, the rig was measured again, and the page freezes while the arms go home
 from __future__ import annotations
 
 import re
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +17,7 @@ import pytest
 from duobench.core.errors import BackendError
 from duobench.core.randomness import EVAL, episode_seed
 from duobench.core.types import SIDES, Side
-from duobench.real.clock import SystemClock, VirtualClock
-from duobench.real.opening import open_rig
+from duobench.real.clock import SystemClock
 from duobench.real.rig import Rig
 from duobench.real.sessions import messages
 from duobench.real.sessions.session import Phase
@@ -30,11 +28,12 @@ from duobench.results.labels import FaultKind
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.world.robot.joints import HOME_JOINTS
-from tests.real.rigs import joints, put
+from tests.real.rigs import joints, new_rig, put, quick_rig
 from tests.real.sessions import rehearsed
 from tests.real.sessions.operator import Operator, Stand, operated, records
 from tests.real.sessions.rehearsal_operator import RehearsalOperator
-from tests.real.sessions.test_rehearsal import AFTER, quick_rig
+from tests.real.sessions.test_rehearsal import AFTER
+from tests.web.pages import wait_until
 
 TASK = "ball_maze"
 EPISODES = 4
@@ -168,7 +167,7 @@ def test_two_days(tmp_path: Path) -> None:
 
     # The second morning: somebody has plugged the cables in again, the wrong way.
     swapped = replace(rig, arms={side: rig.arms[side.other] for side in SIDES})
-    duo = open_rig(swapped, VirtualClock(), guard=False)
+    duo = new_rig(swapped)
     world = duo.world
     assert world is not None
     before = [world.arms[side].joints.copy() for side in SIDES]
@@ -204,10 +203,7 @@ def test_a_page_that_freezes_while_the_arms_go_home_holds_them(tmp_path: Path) -
         operator.phase("placing")
         operator.say("home")
         operator.phase("moving")
-        end = time.monotonic() + 60.0
-        while stand.duo.supervisor.state is State.HOMING or stand.duo.held is None:
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        wait_until(lambda: stand.duo.supervisor.state is not State.HOMING and stand.duo.held)
         held.append(stand.duo.held or "")
         stand.session.stop()
 

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import math
 import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from duobench.teleop.leaders.gello import (
 )
 from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES
 from tests.teleop.leaders.servos import Servos
+from tests.web.pages import wait_until
 
 COUNT = 2 * math.pi / COUNTS_A_TURN
 OFFSETS = (1.0, -2.0, 3.0, 0.5, -0.5, 6.5, 0.0)
@@ -63,13 +63,6 @@ def source(servos: Pair) -> Iterator[GelloSource]:
     made.close()
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
-
-
 def newest(source: GelloSource, condition: Callable[[np.ndarray], bool] = np.any) -> np.ndarray:
     """The first sample that meets a condition."""
     samples: list[np.ndarray] = []
@@ -80,7 +73,7 @@ def newest(source: GelloSource, condition: Callable[[np.ndarray], bool] = np.any
             samples.append(sample)
         return bool(samples)
 
-    wait_for(is_there)
+    wait_until(is_there)
     return samples[0]
 
 
@@ -106,11 +99,11 @@ def test_a_count_that_looks_like_a_header_is_read(source: GelloSource, servos: P
 
 def test_arms_that_fall_silent_are_lost_and_come_back(source: GelloSource, servos: Pair) -> None:
     source.connect()
-    wait_for(lambda: source.read() is not None)
+    wait_until(lambda: source.read() is not None)
     servos[1].is_silent = True
-    wait_for(lambda: source.read() is None)
+    wait_until(lambda: source.read() is None)
     servos[1].is_silent = False
-    wait_for(lambda: source.read() is not None)
+    wait_until(lambda: source.read() is not None)
 
 
 def test_a_servo_that_is_missing_is_named(source: GelloSource, servos: Pair) -> None:
