@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 
-from duobench.evaluation import Record, Run
+from duobench.results import Record, Run
 
 
 class Logger(ABC):

@@ -27,6 +27,20 @@ def test_both_citations_name_the_same_authors_title_and_year() -> None:
     assert f"  year: {year}\n" in citation
 
 
+def test_contributing_names_rooms_that_are_there() -> None:
+    named = re.findall(r"`((?:duobench|dev|docs|examples|tests)/[^\s`]*)`", text_of(CONTRIBUTING))
+    assert len(named) > 40
+    rooms = [name if not name.startswith("duobench/") else f"src/{name}" for name in named]
+    assert [room for room in rooms if not any(ROOT.glob(room))] == []
+
+
+def test_contributing_has_one_room_for_each_change() -> None:
+    (rows,) = (rows for rows in tables(CONTRIBUTING) if "X" in rows[0])
+    names = [row["X"] for row in rows]
+    assert len(names) == len(set(names))
+    assert [row["X"] for row in rows if "/" not in row["where"]] == []
+
+
 def test_contributing_names_every_verb_of_make() -> None:
     verbs = re.findall(r"^([a-z-]+):.* ## ", text_of(ROOT / "Makefile"), flags=re.MULTILINE)
     assert verbs

@@ -38,7 +38,9 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     wandb.init = lambda **options: told.append(options)  # type: ignore[attr-defined]
     wandb.log = told.append  # type: ignore[attr-defined]
     tensorboard.SummaryWriter = SummaryWriter  # type: ignore[attr-defined]
-    for module in (wandb, ModuleType("torch"), ModuleType("torch.utils"), tensorboard):
+    torch = ModuleType("torch")
+    torch.device = type("device", (), {})  # type: ignore[attr-defined] - tyro looks for it
+    for module in (wandb, torch, ModuleType("torch.utils"), tensorboard):
         monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.syspath_prepend(EXAMPLE)
     monkeypatch.chdir(tmp_path)

@@ -5,7 +5,7 @@ from inspect import signature
 
 import pytest
 
-from duobench.cli.real import calibrate
+from duobench.cli.real.calibrate import lens
 from duobench.core.types import SIDES
 from duobench.envs import EnvConfig
 from duobench.real.canonical import focal_of, nominal_pose
@@ -23,8 +23,7 @@ from duobench.world.sim.simulation import Simulation
 from tests.docs.markdown import ROOT
 
 NAMES_CAMERAS = {
-    "cli/program.py",
-    "cli/real/calibrate.py",
+    "cli/real/calibrate/lens.py",
     "world/looks/catalog.py",
     "world/robot/cameras.py",
 }
@@ -68,7 +67,7 @@ def test_real_images_are_made_like_the_described_ones(camera: Camera) -> None:
 def test_which_cameras_there_are_is_said_once() -> None:
     assert tuple(CAMERAS) == POLICY_CAMERAS == EnvConfig().cameras
     assert tuple(rehearsal_rig().cameras) == POLICY_CAMERAS
-    words = signature(calibrate.lens, eval_str=True).parameters["camera"].annotation
+    words = signature(lens.run, eval_str=True).parameters["camera"].annotation
     assert repr(POLICY_CAMERAS)[1:-1] in repr(words)
     package = ROOT / "src" / "duobench"
     quoted = re.compile(rf"""["']({"|".join(CAMERAS)})["'](?!\])""")
