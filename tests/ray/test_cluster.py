@@ -131,7 +131,7 @@ def test_episode_in_which_the_policy_always_dies_fails_alone(cluster, tmp_path):
 def test_node_with_another_source_under_the_same_version_is_refused(cluster, tmp_path, monkeypatch):
     package = tmp_path / "duobench"
     shutil.copytree(ROOT / "src" / "duobench", package)
-    with (package / "sim" / "physics.py").open("a") as file:
+    with (package / "world" / "sim" / "simulation.py").open("a") as file:
         file.write("# another checkout\n")
     with monkeypatch.context() as there:
         there.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
@@ -141,7 +141,7 @@ def test_node_with_another_source_under_the_same_version_is_refused(cluster, tmp
         said = duobench(tmp_path / "run", "random", *words, *on(cluster), status=1)
     finally:
         cluster.kill_node()
-    assert "one of them has source of sim" in said
+    assert "one of them has source of world/sim" in said
 
 
 def test_policies_alone_are_given_the_graphics_card(cluster, tmp_path):
