@@ -45,7 +45,16 @@ def run(
     from duobench.evaluation.replay.sources import FollowedRun, open_view
     from duobench.evaluation.replay.viewer import Viewer
 
-    source = None if follow else open_view(what, look, tasks, import_tasks=import_tasks)
+    source = (
+        None
+        if follow
+        else open_view(
+            what,
+            look,
+            tasks,
+            import_tasks=import_tasks,
+        )
+    )
     with closing(page.serve()) as server:
         run = None
         if source is None:

@@ -294,7 +294,12 @@ def zipped(parts: Mapping[str, bytes], method: int = zipfile.ZIP_STORED) -> byte
         for name, content in parts.items():
             entry = zipfile.ZipInfo(name, _ZIP_DATE)
             entry.create_system, entry.external_attr = _ZIP_UNIX, _ZIP_MODE << 16
-            archive.writestr(entry, content, method, compresslevel=9)
+            archive.writestr(
+                entry,
+                content,
+                method,
+                compresslevel=9,
+            )
     return file.getvalue()
 
 

@@ -54,7 +54,12 @@ class ServingThread:
             self._events.set_exception_handler(self._complain)
             options.update(compression=None, server_header=None, logger=_connections)
             try:
-                server = await serve(handler, host, port, **options)
+                server = await serve(
+                    handler,
+                    host,
+                    port,
+                    **options,
+                )
             except (
                 OSError,
                 OverflowError,

@@ -83,7 +83,9 @@ class VideoWriter:
     def __init__(
         self, target: Path | BinaryIO, codec: Codec, rate: Fraction | int
     ) -> None:
-        self._target, self._codec, self._rate = target, codec, rate
+        self._target = target
+        self._codec = codec
+        self._rate = rate
         self._open: tuple[OutputContainer, VideoStream] | None = None
         self._frames = 0
         self._is_broken = False

@@ -89,7 +89,13 @@ class DataSet:
         about = Description(
             suite_version=SUITE_VERSION, versions=package_versions(), how=how
         )
-        begin_or_continue(data.path, data.description, about, SCHEMA, what="data set")
+        begin_or_continue(
+            data.path,
+            data.description,
+            about,
+            SCHEMA,
+            what="data set",
+        )
         return data
 
     @property

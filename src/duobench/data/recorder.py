@@ -126,7 +126,9 @@ class Recorder(DuoWrapper):
             raise DataError(
                 "What cameras of a rig see is recorded in a data set; name one."
             )
-        self._rig, self._keep, self._is_reviewed = rig, keep, is_reviewed
+        self._rig = rig
+        self._keep = keep
+        self._is_reviewed = is_reviewed
         self._episode: EpisodeRows | None = (
             None  # the running one, or the one that waits
         )
@@ -190,7 +192,9 @@ class Recorder(DuoWrapper):
             self._episode = stream = self.data.new_stream(described, sizes, name)
             if self._rig is not None:
                 self._rig.begin(stream)
-        self._intended, self._steps_left, self.device = None, 0, None
+        self._intended = None
+        self._steps_left = 0
+        self.device = None
         self._episode.append(self._seen(self._episode, observation, info))
         return observation, info
 
@@ -307,15 +311,15 @@ class Recorder(DuoWrapper):
         episode = self._episode
         if episode is None or (outcome := self.pending) is None:
             return
-        rows, last, info = episode.rows, outcome.max_stage, episode.info
+        rows = episode.rows
+        last = outcome.max_stage
+        info = episode.info
         stage = np.zeros_like(rows["stage"])
         for step, reached in changes:
             stage[min(step + 1, len(rows) - 1) :] = reached
-        rows["stage"], rows["success"], rows["success_at_end"] = (
-            stage,
-            stage == last,
-            stage == last,
-        )
+        rows["stage"] = stage
+        rows["success"] = stage == last
+        rows["success_at_end"] = stage == last
         rows["success_at_end"][-1] &= holds
         if info.config is not None:
             rows["reward"][:-1] = reward_of(

@@ -173,7 +173,10 @@ def summarize(data: DataSet) -> Summary:
         DataError: A file cannot be read, or there is no episode.
         UnknownNameError, ImportPathError, ForeignTaskError: See `DataSet.reference`.
     """
-    tasks, commands, speeds, names = [], [], [], ()
+    tasks = []
+    commands = []
+    speeds = []
+    names = ()
     differences = {
         task: words for task, each in compared(data).items() if (words := str(each))
     }

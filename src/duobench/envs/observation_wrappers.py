@@ -74,7 +74,12 @@ class Cameras(ObservingWrapper):
         check_image_size(height, width)
 
         images: dict[str, gym.Space] = {
-            name: gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)
+            name: gym.spaces.Box(
+                0,
+                255,
+                (height, width, 3),
+                dtype=np.uint8,
+            )
             for name in names
         }
         space = gym.spaces.Dict(images)

@@ -176,7 +176,13 @@ def make_vec(
                 "autoreset_mode."
             )
         env = make(task, **{"cameras": False, **options})
-        return BatchEnv(env, num_envs, threads, layouts, **given)
+        return BatchEnv(
+            env,
+            num_envs,
+            threads,
+            layouts,
+            **given,
+        )
     if layouts is not None:
         raise OptionError(
             "layouts belongs to threads and Warp: add threads=1, or leave it out."

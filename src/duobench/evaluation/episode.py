@@ -160,7 +160,9 @@ class _TaskSetup:
         policy: Policy,
         recorder: Recorder | None,
     ) -> None:
-        self.env, self.policy, self.recorder = env, policy, recorder
+        self.env = env
+        self.policy = policy
+        self.recorder = recorder
         self.overview = Overview(env)
 
     def close(self) -> None:
@@ -250,7 +252,9 @@ class EpisodeRunner:
         """
         watch = Stopwatch()
         setting = self._prepare(episode)
-        env, policy, recording = setting.env, setting.policy, setting.recorder
+        env = setting.env
+        policy = setting.policy
+        recording = setting.recorder
         if recording is not None:
             recording.content = None
         recorder = EpisodeRecorder(

@@ -51,7 +51,9 @@ class EpisodeRecorder:
         info: Info,
     ) -> None:
         """Note what the reset sampled, and the state that it led to."""
-        self._env, self._info, self._requested = env, info, [base_of(env).requested]
+        self._env = env
+        self._info = info
+        self._requested = [base_of(env).requested]
         self._start = _state(env)
         stage = info["stage"]
         if stage:

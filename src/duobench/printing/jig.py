@@ -116,7 +116,12 @@ def _block(
 ) -> Shape:
     """A box between values of x and y, around the middle of the jig's height."""
     at = SE3.at(sum(x) / 2, sum(y) / 2, HEIGHT / 2)
-    return box(x[1] - x[0], y[1] - y[0], height, at=at)
+    return box(
+        x[1] - x[0],
+        y[1] - y[0],
+        height,
+        at=at,
+    )
 
 
 def _notes(foot: Foot) -> tuple[str, ...]:

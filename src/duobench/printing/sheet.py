@@ -253,7 +253,13 @@ def _overview(
     """All objects in small, with the tiles, and a table of their places."""
     sheet = Sheet(*paper.size)
     width, height = sheet.width - 2 * MARGIN, sheet.height
-    sheet.text(MARGIN, height - 20, title, 5.0, bold=True)
+    sheet.text(
+        MARGIN,
+        height - 20,
+        title,
+        5.0,
+        bold=True,
+    )
     explanation = (
         f"Print all pages at 100 % on {paper.value.upper()}; each sheet has two rulers of "
         f"{RULER:.0f} mm to check that.",
@@ -290,7 +296,12 @@ def _overview(
     for number, mark in enumerate((m for m in marks if m.on_table), 1):
         for outline in mark.seen:
             sheet.polygon([at(*point) for point in outline], line=0.2, fill=0.85)
-        sheet.text(*at(mark.x, mark.y), str(number), 2.4, bold=True)
+        sheet.text(
+            *at(mark.x, mark.y),
+            str(number),
+            2.4,
+            bold=True,
+        )
     half = 500 * jig.WIDTH
     edge = _rectangle(at(START - 1000 * jig.BAR, half), at(START, -half))
     sheet.polygon(
@@ -411,10 +422,22 @@ def _cross(
         sheet.line(
             tip, (tip[0] - 3 * math.sin(turn), tip[1] + 3 * math.cos(turn)), line=0.3
         )
-    _plus(sheet, x, y, 3, line=0.2)
+    _plus(
+        sheet,
+        x,
+        y,
+        3,
+        line=0.2,
+    )
     begin = min(x + 2, inside[2] - 62)
     base = y - 5 if y - 10 > inside[1] else y + 7
-    sheet.text(begin, base, mark.name, 2.6, bold=True)
+    sheet.text(
+        begin,
+        base,
+        mark.name,
+        2.6,
+        bold=True,
+    )
     sheet.text(begin, base - 4, mark.words, 2.2)
 
 

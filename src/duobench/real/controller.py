@@ -24,7 +24,9 @@ class ReferenceStreamer:
         follower: Follower,
         clock: Clock,
     ) -> None:
-        self._arm, self._clock, self.follower = arm, clock, follower
+        self._arm = arm
+        self._clock = clock
+        self.follower = follower
         self.lock = threading.RLock()  # a signal may ask for a hold inside of it
         self._ticker: Ticker | None = None
         self._last = self._late = 0.0
@@ -35,7 +37,9 @@ class ReferenceStreamer:
         """Begin at rest at the arm's measured joints (7,) in radians."""
         with self.lock:
             self.follower.reset(joints)
-            self.error, self._late, self._last = None, 0.0, self._clock.now()
+            self.error = None
+            self._late = 0.0
+            self._last = self._clock.now()
         self._ticker = self._clock.every(1.0 / FOLLOWER_HZ, self._advance, "follower")
 
     def stop(self) -> None:
@@ -78,7 +82,9 @@ class ArmsController:
         configs: Mapping[Side, ArmConfig],
         clock: Clock,
     ) -> None:
-        self.arms, self.grippers, self._configs = arms, grippers, configs
+        self.arms = arms
+        self.grippers = grippers
+        self._configs = configs
         self.streamers: dict[Side, ReferenceStreamer] = {}
         for side in SIDES:
             follower = Follower(HOME_JOINTS[side.index], configs[side])

@@ -69,7 +69,9 @@ class FrankaDuo:
         guard: Guard | None = None,
         world: RehearsalWorld | None = None,
     ) -> None:
-        self.rig, self.clock, self.guard = rig, clock, guard
+        self.rig = rig
+        self.clock = clock
+        self.guard = guard
         self.arms = dict(arms)
         self.grippers = dict(grippers)
         self.cameras = dict(cameras)

@@ -69,7 +69,9 @@ class Follower:
         """
         target = np.clip(_checked(joints), LOWEST, HIGHEST)
         self._begin = self.reference if self._is_held else self._ramped()
-        self._end, self._elapsed, self._is_held = target, 0.0, False
+        self._end = target
+        self._elapsed = 0.0
+        self._is_held = False
 
     def hold(self) -> None:
         """Come to rest as soon as the acceleration allows, and stay there until `aim`."""

@@ -25,7 +25,9 @@ class GripperPair:
     def __init__(
         self, grippers: Mapping[Side, Gripper], supervisor: Supervisor, clock: Clock
     ) -> None:
-        self._grippers, self._supervisor, self._clock = grippers, supervisor, clock
+        self._grippers = grippers
+        self._supervisor = supervisor
+        self._clock = clock
         self.have_grasped = False
         """Whether there may be something between the fingers, or around them, since the arms were
         home."""

@@ -82,7 +82,9 @@ class HumanJudge:
                 raise OptionError("There is no press to take back.")
             if stage is not None and not 0 < stage <= self.max_stage:
                 raise OptionError(f"The stages are 1 to {self.max_stage}, got {stage}.")
-            time_s, step, end = self.time_s, self.steps, self._end
+            time_s = self.time_s
+            step = self.steps
+            end = self._end
             if film_s is not None:
                 time_s, step, end = (
                     film_s,

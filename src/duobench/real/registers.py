@@ -115,4 +115,6 @@ class GripperRegisters:
                 self._state = ACTIVE
 
     def _reset(self) -> None:
-        self._state, self._activation, self._is_blocked = RESET, [], False
+        self._state = RESET
+        self._activation = []
+        self._is_blocked = False

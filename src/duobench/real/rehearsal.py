@@ -218,7 +218,9 @@ class RehearsalWorld:
         if (
             np.isfinite(qpos).all() and np.isfinite(qvel).all()
         ):  # or physics had failed: home
-            data.qpos[:nq], data.qvel[:nv], data.ctrl[:nu] = qpos, qvel, ctrl
+            data.qpos[:nq] = qpos
+            data.qvel[:nv] = qvel
+            data.ctrl[:nu] = ctrl
         simulation.apply(layout)
         self._has_failed = False
 
@@ -334,14 +336,18 @@ class RehearsalWorld:
                 )
 
     def _measure(self, side: Side) -> None:
-        arm, data, dofs = self.arms[side], self._data, self._dofs[side.index]
+        arm = self.arms[side]
+        data = self._data
+        dofs = self._dofs[side.index]
         arm.joints = data.qpos[self._places[side.index]]
         arm.velocities = data.qvel[dofs]
         arm.torques = data.qfrc_actuator[dofs] + data.qfrc_gravcomp[dofs]
 
     def _move_hand(self, side: Side) -> None:
         """Lead the fingers of a gripper to where its registers say, and tell them how far it is."""
-        gripper, data, index = self.grippers[side], self._data, side.index
+        gripper = self.grippers[side]
+        data = self._data
+        index = side.index
         low, high = gripper.ends
         angles = data.qpos[self._drives[index]].tolist()
         share = sum(angles) / (len(angles) * GRIPPER.drive_closed)

@@ -48,7 +48,9 @@ class Watchdog:
         hold: Callable[[str, Fault | None], None],
     ) -> None:
         self._controller, self._cameras = controller, cameras
-        self._supervisor, self._clock, self._hold = supervisor, clock, hold
+        self._supervisor = supervisor
+        self._clock = clock
+        self._hold = hold
         self._ticker: Ticker | None = None
         self._fed = 0.0
         self.seen = frozenset(cameras)

@@ -138,7 +138,12 @@ def grouped_stage_bars(
         at += len(runs) + _GAP
     figure = _figure(0.75 + 0.27 * at)
     axes = figure.add_subplot()
-    _plot_bars(axes, bars, max(1.0, at - _GAP), weight="bold")
+    _plot_bars(
+        axes,
+        bars,
+        max(1.0, at - _GAP),
+        weight="bold",
+    )
     named = axes.secondary_yaxis(-0.035)
     named.set_yticks(
         [place for place, _ in titles], [_short(title) for _, title in titles]
@@ -337,7 +342,12 @@ def _plot_levels(
 
 def _styles(count: int) -> list[dict[str, Any]]:
     """Styles of the curves of runs: colours and dashes, each of which is enough."""
-    each = zip(range(count), cycle(COLOURS), cycle(DASHES), strict=False)
+    each = zip(
+        range(count),
+        cycle(COLOURS),
+        cycle(DASHES),
+        strict=False,
+    )
     return [{"color": colour, "linestyle": dashes} for _, colour, dashes in each]
 
 
@@ -406,7 +416,12 @@ def for_page(svg: str) -> str:
     without a style sheet, which would reach the whole page, and without the names of its groups,
     which would not be unique on a page with several figures.
     """
-    element = re.sub(r' (width|height)="[^"]*"', "", svg[svg.index("<svg") :], count=2)
+    element = re.sub(
+        r' (width|height)="[^"]*"',
+        "",
+        svg[svg.index("<svg") :],
+        count=2,
+    )
     for unwanted in (
         "<style.*?</style>",
         "<metadata>.*?</metadata>",

@@ -175,7 +175,12 @@ class RunReader(ABC):
         key: Key,
     ) -> Record:
         file = self.file(record_name(key))
-        record = read(file, Record, RECORD_SCHEMA, advice=self.advice)
+        record = read(
+            file,
+            Record,
+            RECORD_SCHEMA,
+            advice=self.advice,
+        )
         (task,) = (task for task in run.suite.tasks if task.id == key.task)
         split = run.of(condition.policy).config.split
         episode = Episode(

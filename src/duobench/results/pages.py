@@ -116,8 +116,12 @@ def write_files(out: Path, contents: Mapping[str, str]) -> Path:
 
 def identity(part: RunPart) -> Facts:
     """Identity of a run, as far as every episode has it in common."""
-    run, suite, candidate = part.run, part.suite, part.candidate
-    policy, config, batching = candidate.metadata, candidate.config, candidate.batching
+    run = part.run
+    suite = part.suite
+    candidate = part.candidate
+    policy = candidate.metadata
+    config = candidate.config
+    batching = candidate.batching
     first, last = suite.indices[0], suite.indices[-1]
     indices = f"number {first}" if first == last else f"numbers {first}–{last}"
     height, width = config.image_size

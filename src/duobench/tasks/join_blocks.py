@@ -45,7 +45,12 @@ _ON_WALL = in_any_way([(_WALL_PEG, _FRONT), (_WALL_PEG, _BACK)], engaged)
 # One arm alone plugs a block into one that lies on the table or leans against the wall: what grips
 # that one as well does nothing. In the air both arms are needed.
 _LEANING = any_of(*(~off_table(block, "wall") for block in _BLOCKS))
-_JOINING = joining(_LIGHT_PEG, (_FRONT, _BACK), DEPTH, unless=_ON_WALL | _LEANING)
+_JOINING = joining(
+    _LIGHT_PEG,
+    (_FRONT, _BACK),
+    DEPTH,
+    unless=_ON_WALL | _LEANING,
+)
 _MOUNTED = any_of(
     *(
         inserted(_LIGHT_PEG, socket, DEPTH) & inserted(_WALL_PEG, free_socket, DEPTH)

@@ -84,7 +84,13 @@ _PUT_BACK = all_of(*map(_put_back, SIDES))
 _GRASPED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
 _HELD_UP = all_of(*_GRASPED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
 _POURING = {
-    side: pouring(MARBLES, CUPS[side], cups.ROOM, held=_HELD_UP) for side in SIDES
+    side: pouring(
+        MARBLES,
+        CUPS[side],
+        cups.ROOM,
+        held=_HELD_UP,
+    )
+    for side in SIDES
 }
 _KEPT = _into_target(lambda p: p.kept)
 

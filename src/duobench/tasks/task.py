@@ -73,8 +73,15 @@ class Placement:
 
     def sample(self, rng: np.random.Generator) -> SE3:
         """One pose in the table frame, upright."""
-        x, y, yaw = self.x.sample(rng), self.y.sample(rng), self.yaw.sample(rng)
-        return SE3.at(x, y, self.z, yaw=yaw)
+        x = self.x.sample(rng)
+        y = self.y.sample(rng)
+        yaw = self.yaw.sample(rng)
+        return SE3.at(
+            x,
+            y,
+            self.z,
+            yaw=yaw,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

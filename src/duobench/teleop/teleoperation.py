@@ -109,7 +109,9 @@ class Teleoperation:
                 f"The device gives actions of the mode {device.action_mode!r}, and the environment "
                 f"takes those of {mode!r}; make the environment with that action mode."
             )
-        self.env, self.device, self.lockstep = env, device, lockstep
+        self.env = env
+        self.device = device
+        self.lockstep = lockstep
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)

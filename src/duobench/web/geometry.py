@@ -350,7 +350,9 @@ def _box(
     y: float,
     z: float,
 ) -> Triangles:
-    points, normals, corners = [], [], []
+    points = []
+    normals = []
+    corners = []
     for axis in range(3):
         for sign in (1.0, -1.0):
             normal = sign * np.eye(3)[axis]
@@ -415,7 +417,10 @@ def _revolved(
 def _grid(rows: int, columns: int) -> NDArray[np.int64]:
     """Triangles (m, 3) between the neighbours of a grid of points, numbered row by row."""
     at = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    a = at[:-1, :-1]
+    b = at[1:, :-1]
+    c = at[1:, 1:]
+    d = at[:-1, 1:]
     return np.concatenate(
         [
             np.stack([a, b, c], axis=-1).reshape(-1, 3),

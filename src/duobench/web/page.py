@@ -125,7 +125,12 @@ def replay_fragment(
             "instruction": replay.instruction,
             "rate_hz": CONTROL_HZ,
         }
-        for id, replay, track in zip(ids, replays, tracks, strict=True)
+        for id, replay, track in zip(
+            ids,
+            replays,
+            tracks,
+            strict=True,
+        )
     ]
     return pages.render(
         _PACKAGE,

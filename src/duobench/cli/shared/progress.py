@@ -43,7 +43,9 @@ class Display:
         noun: str,
         progress: Progress,
     ) -> None:
-        self._console, self._noun, self._progress = console, noun, progress
+        self._console = console
+        self._noun = noun
+        self._progress = progress
         self._bars: dict[str, TaskID] = {}
         self._successes: Counter[str] = Counter()
         self._total = self._done = self._earlier = 0

@@ -182,7 +182,9 @@ def _plan(
     options: ExportOptions,
 ) -> Export:
     """Plan of an export into one folder; every recording is read to the end."""
-    episodes, tasks, digests = [], set(), set[str]()
+    episodes = []
+    tasks = set()
+    digests = set[str]()
     for number, path in paths:
         recording, digest = Recording.read(path), digest_of(path)
         if _is_wanted(recording, options) and digest not in digests:

@@ -245,7 +245,12 @@ class ExportFolder:
     def read_facts(self, index: int) -> EpisodeFacts:
         """Facts that were noted about a finished episode."""
         advice = "Delete the file and export again."
-        return read(self.facts(index), EpisodeFacts, SCHEMA, advice=advice)
+        return read(
+            self.facts(index),
+            EpisodeFacts,
+            SCHEMA,
+            advice=advice,
+        )
 
 
 def _numbers(index: int) -> dict[str, int]:

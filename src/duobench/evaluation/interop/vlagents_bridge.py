@@ -112,7 +112,12 @@ class VLAgentsPolicy:
         client, start = None, time.monotonic()
         while True:
             try:
-                client = client or RemoteAgent(host, port, name, image_size=None)
+                client = client or RemoteAgent(
+                    host,
+                    port,
+                    name,
+                    image_size=None,
+                )
                 if client.is_initialized():
                     return client
                 fault = "its agent is still being loaded, or could not be"

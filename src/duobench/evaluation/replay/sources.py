@@ -221,7 +221,9 @@ class FollowedRun:
     ) -> None:
         self.title = folder.path.name
         self._folder, self._server = folder, server
-        self._look, self._tasks, self._import_tasks = as_look(look), tasks, import_tasks
+        self._look = as_look(look)
+        self._tasks = tasks
+        self._import_tasks = import_tasks
         self._source: RunSource | None = None
         self._finished_at: dict[str, float] = {}
 
@@ -353,7 +355,12 @@ def open_view(
             tasks,
         )
     elif path.is_file() or (path / RUN).exists():
-        source = RunSource(open_source(path), look, tasks, import_tasks=import_tasks)
+        source = RunSource(
+            open_source(path),
+            look,
+            tasks,
+            import_tasks=import_tasks,
+        )
     elif path.exists() and catalog.plain(what) not in catalog.names():
         raise EvaluationError(
             f"{what} holds neither a data set ({DATA_SET}) nor an evaluation ({RUN})."

@@ -358,7 +358,12 @@ def _bits(record: Record) -> dict[str, Any]:
 def _is_close(claimed: Any, shown: Any) -> bool:
     if claimed is None or shown is None:
         return False
-    return np.allclose(claimed, shown, rtol=0, atol=TOLERANCE)
+    return np.allclose(
+        claimed,
+        shown,
+        rtol=0,
+        atol=TOLERANCE,
+    )
 
 
 def _different(

@@ -71,7 +71,9 @@ class Viewer:
         server: PageServer,
         refresh: Callable[[bool], dict[str, Any]] | None = None,
     ) -> None:
-        self._source, self._server, self._refresh_source = source, server, refresh
+        self._source = source
+        self._server = server
+        self._refresh_source = refresh
         self._more: dict[str, Any] = {}
         self._list_items()
         self._commands: queue.Queue[Command] = queue.Queue(_MAX_COMMANDS)
@@ -81,7 +83,10 @@ class Viewer:
         self._selected = ""
         self._shown: Trajectory | None = None
         self._poses: NDArray[np.float32] = np.empty((0, 0, 7), np.float32)
-        self._step, self._plays, self._note, self._due = 0, False, "", 0.0
+        self._step = 0
+        self._plays = False
+        self._note = ""
+        self._due = 0.0
         self._over = threading.Event()
         server.listen(Command, self._on_message)
         self._refresh()
@@ -186,7 +191,9 @@ class Viewer:
         except DuoBenchError as error:
             self._note = str(error)
         else:
-            self._shown, self._poses, self._note = shown, shown.poses(), shown.note
+            self._shown = shown
+            self._poses = shown.poses()
+            self._note = shown.note
             self._plays, self._due = self._last > 0, time.monotonic()
             self._server.publish_scene(shown.scene, shown.scene_data)
             self._show(0)

@@ -122,7 +122,12 @@ def evaluate(  # noqa: PLR0913
         first_answer = ask() if episodes and not folder.has_records else None
         folder.begin(run, shard)
         journal.start(command, workers)
-        finished = _finished(folder, run, shard, retry_broken=resuming.retry_broken)
+        finished = _finished(
+            folder,
+            run,
+            shard,
+            retry_broken=resuming.retry_broken,
+        )
         records = {record.key: record for record in finished}
         missing = [each for each in episodes if run.key(each) not in records]
         if missing and first_answer is None:
@@ -295,7 +300,10 @@ class _Log:
     def __init__(
         self, data: DataSet, run: Run, plan: RecordingPlan, command: str
     ) -> None:
-        self._data, self._run, self._plan, self._command = data, run, plan, command
+        self._data = data
+        self._run = run
+        self._plan = plan
+        self._command = command
         self._path = data.path / ATTEMPTS
         remove_temporary(data.path)
         begin_or_continue(
@@ -376,7 +384,10 @@ class _Log:
 
     def _next(self, task: TaskInfo) -> list[int]:
         """The episodes to play next: those that are enough if all of them succeed."""
-        missing, kept, index, wanted = list[int](), 0, 0, self._run.suite.episodes
+        missing = list[int]()
+        kept = 0
+        index = 0
+        wanted = self._run.suite.episodes
         while kept < wanted:
             attempt = self._attempts.get((task.id, index))
             if attempt is None:

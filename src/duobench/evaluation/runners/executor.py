@@ -356,7 +356,9 @@ class ProcessExecutor:
         self, worker: Worker, report: EpisodeError
     ) -> Iterator[EpisodeResult]:
         """Act on an episode that its worker could not play, most often for the policy's death."""
-        policy, episode, how = worker.policy, worker.episode, report.how
+        policy = worker.policy
+        episode = worker.episode
+        how = report.how
         if (
             how != TASK
             and policy

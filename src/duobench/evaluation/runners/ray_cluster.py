@@ -195,7 +195,9 @@ class RayTransport:
         except ray.exceptions.RayError as error:
             self._death, self.is_taken = f"its actor ended: {_first_line(error)}", True
             return self._death
-        self.node, self._clock, self._death = status.node, status.clock, status.death
+        self.node = status.node
+        self._clock = status.clock
+        self._death = status.death
         try:
             self._messages += [
                 self._decoder.decode(message) for message in status.messages

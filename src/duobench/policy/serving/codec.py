@@ -144,7 +144,9 @@ def _text(key: object) -> str:
 def _array(fields: dict[str, Any]) -> np.ndarray:
     """A writable array, if its bytes are exactly as many as its shape and dtype say."""
     _expect(fields, _ARRAY, {_ARRAY, _DATA, _DTYPE, _SHAPE})
-    data, dtype, shape = fields[_DATA], _dtype(fields[_DTYPE]), fields[_SHAPE]
+    data = fields[_DATA]
+    dtype = _dtype(fields[_DTYPE])
+    shape = fields[_SHAPE]
     if (
         not isinstance(shape, list)
         or len(shape) > limits.MAX_DIMENSIONS
@@ -211,7 +213,9 @@ def _expect(
 
 def _check_size(data: bytes) -> None:
     """Reject a message that holds too much; one that is cut off passes, and cannot be decoded."""
-    position, expected, items = 0, 1, 0
+    position = 0
+    expected = 1
+    items = 0
     while expected and position < len(data):
         first = data[position]
         position += 1

@@ -100,7 +100,12 @@ def markers() -> tuple[NDArray[np.uint8], ...]:
     random = np.random.default_rng(_SEED)
     found: list[NDArray[np.uint8]] = []
     while len(found) < MARKERS:
-        new = random.integers(0, 2, (BITS, BITS), dtype=np.uint8)
+        new = random.integers(
+            0,
+            2,
+            (BITS, BITS),
+            dtype=np.uint8,
+        )
         turned = [np.rot90(new, turns) for turns in range(4)]
         others = [(new, each) for each in turned[1:]]
         others += [(each, old) for old in found for each in turned]

@@ -33,7 +33,9 @@ class LatestFrame(ABC):
         clock: Clock,
         name: str = "",
     ) -> None:
-        self.config, self.clock, self.name = config, clock, name or config.device
+        self.config = config
+        self.clock = clock
+        self.name = name or config.device
         self.usb = ""
         """The USB version of its connection, such as 3.2; empty where it is not known."""
         self.lens: CameraCalibration | None = None

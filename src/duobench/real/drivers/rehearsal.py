@@ -31,7 +31,9 @@ class RehearsalArm:
         clock: Clock,
         world: RehearsalWorld,
     ) -> None:
-        self._config, self._clock, self._world = config, clock, world
+        self._config = config
+        self._clock = clock
+        self._world = world
         self.mount = _side(config.address, "address")
         """The mount on which it stands."""
         self._arm = world.arms[self.mount]

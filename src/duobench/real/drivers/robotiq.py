@@ -194,7 +194,9 @@ class RobotiqGripper:
         answer_s: float = ANSWER_S,
         port: RegisterPort | None = None,
     ) -> None:
-        self._config, self._clock, self._answer_s = config, clock, answer_s
+        self._config = config
+        self._clock = clock
+        self._answer_s = answer_s
         self._port = port
         self._ticker: Ticker | None = None
         self._lock = threading.Lock()  # over what other threads want
@@ -404,7 +406,9 @@ def _end(
     opening: float,
 ) -> int:
     gripper.command(opening)
-    end, last, since = clock.now() + ACTIVATION_S, gripper.position, clock.now()
+    end = clock.now() + ACTIVATION_S
+    last = gripper.position
+    since = clock.now()
     while clock.now() < end:
         clock.wait_until(clock.now() + 1.0 / READ_HZ)
         fault = gripper.read().fault

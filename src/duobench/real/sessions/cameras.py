@@ -118,7 +118,9 @@ class Film:
 
     def _encode(self) -> None:
         writer = VideoWriter(self._file, VP9, FILM_RATE)
-        written, before, is_shown = 0, None, True
+        written = 0
+        before = None
+        is_shown = True
         while (frame := self._frames.get()) is not None:
             number, image = frame
             try:

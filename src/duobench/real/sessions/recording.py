@@ -149,7 +149,13 @@ class RigRecording(RigSession):
         )
         super().__init__(duo, env.get_wrapper_attr("judge"))
         who = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
-        self.env = make_rig_recorder(env, duo, data, who, after_success=after_success)
+        self.env = make_rig_recorder(
+            env,
+            duo,
+            data,
+            who,
+            after_success=after_success,
+        )
         """The environment, which records."""
         self._runner = PolicyRunner(self.env, source)
         if isinstance(self._runner.policy, Playback):

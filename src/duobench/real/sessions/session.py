@@ -230,7 +230,9 @@ class RigSession:
     ) -> PlayedEpisode:
         """Let a policy play; the arms are held afterwards."""
         self.write(LogKind.START)
-        self.phase, self.message, self.lost = Phase.MOVING, "", ""
+        self.phase = Phase.MOVING
+        self.message = ""
+        self.lost = ""
         self.view.publish()
         self._asked, runner.asked.on_wait = runner.asked, self._wait
         with self.view.moving():
@@ -280,7 +282,9 @@ class RigSession:
 
         The message is for the operator, and says how the episode ended.
         """
-        self.phase, self.message, self.reasons = Phase.JUDGING, message, played.reasons
+        self.phase = Phase.JUDGING
+        self.message = message
+        self.reasons = played.reasons
         while True:
             match self.view.next():
                 case messages.AtEnd(holds=holds):

@@ -58,7 +58,9 @@ class StatusPage:
         overlay: Overlay,
         silence_s: float,
     ) -> None:
-        self._session, self._server, self._overlay = session, server, overlay
+        self._session = session
+        self._server = server
+        self._overlay = overlay
         self.more: dict[str, Any] = {}
         """Fields that are shown beside the state of the session."""
         self._silence = silence_s

@@ -131,7 +131,9 @@ class TrialsSession(RigSession):
         self.message = differing
         self._overlay = Overlay(replace(definition, horizon=task.horizon), duo.rig)
         ending.callback(self._overlay.close)
-        self._folder, self._plan, self._server = folder, plan, server
+        self._folder = folder
+        self._plan = plan
+        self._server = server
         self._runners = [
             self._runner(candidate, sources[candidate.policy], data)
             for candidate in plan.policies

@@ -242,7 +242,12 @@ def move(
         arms.freedom[[side.index for side in goals]] = freedom * bump(fraction)
         return {side: line(fraction) for side, line in lines.items()}
 
-    yield from follow(arms, path, seconds, freedom=freedom)
+    yield from follow(
+        arms,
+        path,
+        seconds,
+        freedom=freedom,
+    )
     if arrive:
         steps = MAX_ARRIVAL_STEPS + arms.latency
         yield from wait_until(lambda: arrived(arms, goals, tolerance), steps)

@@ -149,7 +149,12 @@ class VarietySample:
         x, z, yaw, tilt = (
             around(0.0, freedom * half).sample(self._rng) for half in halves
         )
-        return SE3.at(x, 0.0, z, yaw=yaw) @ SE3.about((0, 1, 0), tilt)
+        return SE3.at(
+            x,
+            0.0,
+            z,
+            yaw=yaw,
+        ) @ SE3.about((0, 1, 0), tilt)
 
     def ordered(self, sides: tuple[Side, ...], y: float) -> tuple[Side, ...]:
         """Arms in the order in which they act, where the order is free.

@@ -165,7 +165,12 @@ class OutsidePlacement(Placement):
             y = _wider(self.y, self.margin).sample(rng)
         is_any = self.yaw.high - self.yaw.low >= ANY_YAW.high - ANY_YAW.low
         yaw = self.yaw if is_any else _wider(self.yaw, self.turn)
-        return SE3.at(x, y, self.z, yaw=yaw.sample(rng))
+        return SE3.at(
+            x,
+            y,
+            self.z,
+            yaw=yaw.sample(rng),
+        )
 
     def _is_inside(self, x: float, y: float) -> bool:
         return self.x.low <= x <= self.x.high and self.y.low <= y <= self.y.high

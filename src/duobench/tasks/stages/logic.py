@@ -512,7 +512,12 @@ def all_of(*predicates: Predicate) -> Predicate:
                 return False
         return True
 
-    return AllOf(f"({name})", test, predicates, looks=False)
+    return AllOf(
+        f"({name})",
+        test,
+        predicates,
+        looks=False,
+    )
 
 
 @shared
@@ -527,7 +532,12 @@ def any_of(*predicates: Predicate) -> Predicate:
                 return True
         return False
 
-    return AnyOf(f"({name})", test, predicates, looks=False)
+    return AnyOf(
+        f"({name})",
+        test,
+        predicates,
+        looks=False,
+    )
 
 
 def _each_once(words: Iterable[Words]) -> Words:

@@ -44,7 +44,9 @@ class Nearness:
         holds: Callable[[Predicate], Any],
         lasted: Callable[[StepClock], Any],
     ) -> None:
-        self._view, self._holds, self._lasted = view, holds, lasted
+        self._view = view
+        self._holds = holds
+        self._lasted = lasted
         self._known: dict[Predicate, Any] = {}
 
     def of(self, predicate: Predicate) -> Any:

@@ -56,7 +56,13 @@ def check_metres(
     endless: bool = False,
 ) -> None:
     """Reject what is too long to be a length in metres."""
-    check_unit(what, "metres", LONGEST, *lengths, endless=endless)
+    check_unit(
+        what,
+        "metres",
+        LONGEST,
+        *lengths,
+        endless=endless,
+    )
 
 
 def mm(metres: float) -> str:
@@ -298,7 +304,12 @@ class BoxRegion:
     """Highest corner in metres."""
 
     def __post_init__(self) -> None:
-        check_metres("A corner of a BoxRegion", *self.low, *self.high, endless=True)
+        check_metres(
+            "A corner of a BoxRegion",
+            *self.low,
+            *self.high,
+            endless=True,
+        )
 
     def contains(self, point: Point) -> bool:
         """Whether a point of the body's frame, in metres, lies inside."""

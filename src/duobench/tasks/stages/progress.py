@@ -87,7 +87,9 @@ def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
     new: list[Memory] = []
     gone: list[Memory] = []
     for memory in memories:
-        event, reset, only = memory.event, memory.reset, memory.only
+        event = memory.event
+        reset = memory.reset
+        only = memory.only
         if only is not None and not only.ask(state):
             continue
         if memory in before:
@@ -228,7 +230,9 @@ class Progress:
         """
         constraints = [stage.holds for stage in self._stages]
         self._explained = sinces_in(constraints) if on else None
-        self._past, self._judged, self._last = {}, None, None
+        self._past = {}
+        self._judged = None
+        self._last = None
 
     @property
     def unmet(self) -> Words:
@@ -286,7 +290,9 @@ class Progress:
         self.stage = 0
         self.final_holds = False
         self._lost = [0] * self.max_stage
-        self._past, self._judged, self._last = {}, None, None
+        self._past = {}
+        self._judged = None
+        self._last = None
 
     def get_state(self) -> ProgressState:
         """All that the next judgement depends on, beside the simulation and the layout."""
@@ -316,7 +322,9 @@ class Progress:
         self._lost = list(state.lost)
         self._variants = dict(variants)
         self.stage, self.final_holds = state.stage, state.final_holds
-        self._past, self._judged, self._last = {}, None, None
+        self._past = {}
+        self._judged = None
+        self._last = None
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""

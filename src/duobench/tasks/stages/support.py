@@ -183,7 +183,12 @@ def support(
     }
     delivered_by = (
         all_of(
-            put(prop, there, side, again=again),
+            put(
+                prop,
+                there,
+                side,
+                again=again,
+            ),
             ~robbed[side],
             since(supported[side], reset=lost[side]).called(
                 f"{side.other} has held {lid} open all the way"
@@ -201,7 +206,13 @@ def support(
     )
     upheld = (
         all_of(
-            grasped(side, prop) | put(prop, there, side, again=again),
+            grasped(side, prop)
+            | put(
+                prop,
+                there,
+                side,
+                again=again,
+            ),
             ~robbed[side],
             supported[side] | since(supported[side], reset=void[side]),
         )

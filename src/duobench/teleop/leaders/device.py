@@ -78,7 +78,9 @@ class LeaderDevice:
 
     def begin(self, command: DuoCommand) -> None:
         """A new episode waits until the leaders are where the robot is."""
-        self._where, self._armed, self._is_following = command.flat, None, False
+        self._where = command.flat
+        self._armed = None
+        self._is_following = False
 
     def take(self, message: Message, arrival_s: float) -> None:
         """Hands on a page move nothing while leader arms lead."""

@@ -173,9 +173,24 @@ def random_look(seed: int) -> Look:
     return Look(
         seed=seed,
         parts={
-            "table": _material(rng, _TABLE_TEXTURES, TABLE_VALUES, contrast=0.4),
-            "floor": _material(rng, _FLOOR_TEXTURES, (0.3, 0.8), contrast=0.6),
-            "walls": _material(rng, _WALL_TEXTURES, (0.4, 0.9), contrast=0.5),
+            "table": _material(
+                rng,
+                _TABLE_TEXTURES,
+                TABLE_VALUES,
+                contrast=0.4,
+            ),
+            "floor": _material(
+                rng,
+                _FLOOR_TEXTURES,
+                (0.3, 0.8),
+                contrast=0.6,
+            ),
+            "walls": _material(
+                rng,
+                _WALL_TEXTURES,
+                (0.4, 0.9),
+                contrast=0.5,
+            ),
             "robot": Material(colour=_colour(rng, (0.0, 0.15), (0.8, 1.0))),
         },
         objects={"*": Material(texture=_choice(rng, _OBJECT_TEXTURES), contrast=0.25)},

@@ -43,7 +43,9 @@ class _Canvas:
         size: tuple[float, float],
         rng: np.random.Generator,
     ) -> None:
-        self.shape, self.size, self.rng = shape, size, rng
+        self.shape = shape
+        self.size = size
+        self.rng = rng
         height, width = shape
         self.y = ((np.arange(height, dtype=np.float32) + 0.5) / height * size[0])[
             :, None

@@ -42,7 +42,13 @@ def bowl(rgba: Colour, rim: Colour | None = None) -> Solid:
     return Solid(
         shapes=(
             cylinder(RADIUS, FLOOR, at=SE3.at(0, 0, FLOOR / 2)),
-            *ring_wall(WALL_SEGMENTS, RADIUS, WALL, RIM_HEIGHT - FLOOR, low=FLOOR),
+            *ring_wall(
+                WALL_SEGMENTS,
+                RADIUS,
+                WALL,
+                RIM_HEIGHT - FLOOR,
+                low=FLOOR,
+            ),
         ),
         rgba=rgba,
         mesh=mesh_of(exact),

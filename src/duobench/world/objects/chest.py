@@ -98,13 +98,35 @@ def chest_box(rgba: Colour) -> Solid:
     """The open box with two lugs for the hinge's screws and two posts that stop the lid."""
     depth, width, _ = CAVITY
     lug_height = RIM_HEIGHT + LUG[1]
-    shapes = [box(OUTER_X, OUTER_Y, WALL, at=SE3.at(0, 0, WALL / 2))]
+    shapes = [
+        box(
+            OUTER_X,
+            OUTER_Y,
+            WALL,
+            at=SE3.at(0, 0, WALL / 2),
+        )
+    ]
     for sign in (-1, 1):
         x, y = sign * (depth + WALL) / 2, sign * (width + WALL) / 2
         shapes += [
-            box(WALL, OUTER_Y, RIM_HEIGHT, at=SE3.at(x, 0, RIM_HEIGHT / 2)),
-            box(OUTER_X, WALL, RIM_HEIGHT, at=SE3.at(0, y, RIM_HEIGHT / 2)),
-            box(LUG[0], WALL, lug_height, at=SE3.at(HINGE[0], y, lug_height / 2)),
+            box(
+                WALL,
+                OUTER_Y,
+                RIM_HEIGHT,
+                at=SE3.at(x, 0, RIM_HEIGHT / 2),
+            ),
+            box(
+                OUTER_X,
+                WALL,
+                RIM_HEIGHT,
+                at=SE3.at(0, y, RIM_HEIGHT / 2),
+            ),
+            box(
+                LUG[0],
+                WALL,
+                lug_height,
+                at=SE3.at(HINGE[0], y, lug_height / 2),
+            ),
             *_post(sign * POST_Y),
         ]
     return _drilled(tuple(shapes), rgba, SE3.at(*HINGE), HOLE_RADIUS)
@@ -131,9 +153,12 @@ def _post(y: float) -> tuple[Shape, Shape]:
     along_y = SE3.at(HINGE[0], y, HINGE[2]) @ SE3.about((1, 0, 0), math.pi / 2)
     depth = POST_DEPTH + WALL
     foot = SE3.at(HINGE[0] - WALL + depth / 2, y, RIM_HEIGHT / 2)
-    return box(depth, POST_WIDTH, RIM_HEIGHT, at=foot), prism(
-        outline, POST_WIDTH, at=along_y
-    )
+    return box(
+        depth,
+        POST_WIDTH,
+        RIM_HEIGHT,
+        at=foot,
+    ), prism(outline, POST_WIDTH, at=along_y)
 
 
 def chest_lid(rgba: Colour) -> Solid:

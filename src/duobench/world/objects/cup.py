@@ -41,7 +41,13 @@ def cup(rgba: Colour) -> Solid:
     return Solid(
         shapes=(
             prism(polygon(WALLS, OUTER_RADIUS), WALL, at=SE3.at(0, 0, WALL / 2)),
-            *ring_wall(WALLS, OUTER_RADIUS, WALL, HEIGHT - WALL, low=WALL),
+            *ring_wall(
+                WALLS,
+                OUTER_RADIUS,
+                WALL,
+                HEIGHT - WALL,
+                low=WALL,
+            ),
         ),
         rgba=rgba,
         mesh=mesh_of(hollow),

@@ -95,7 +95,12 @@ def _upright(
     x: float, y: float, low: float, high: float, *, at_x: float = 0.0
 ) -> Shape:
     """A box of x by y over the middle of the base, from one height to another."""
-    return box(x, y, high - low, at=SE3.at(at_x, 0.0, (low + high) / 2))
+    return box(
+        x,
+        y,
+        high - low,
+        at=SE3.at(at_x, 0.0, (low + high) / 2),
+    )
 
 
 def _slot(top: float) -> tuple[Shape, ...]:
@@ -106,7 +111,13 @@ def _slot(top: float) -> tuple[Shape, ...]:
     return (
         _upright(POST + 2 * OVERLAP, across, floor + height, top + OVERLAP),
         *(
-            _upright(side, across, floor, top, at_x=i * (width + side) / 2)
+            _upright(
+                side,
+                across,
+                floor,
+                top,
+                at_x=i * (width + side) / 2,
+            )
             for i in (-1, 1)
         ),
     )

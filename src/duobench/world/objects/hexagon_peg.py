@@ -87,7 +87,15 @@ def peg(rgba: Colour) -> Solid:
     outline = manifold3d.CrossSection([(side * circle(6)).tolist()])
     exact = outline.extrude(PEG_LENGTH).translate((0.0, 0.0, -PEG_LENGTH / 2))
     return Solid(
-        shapes=tuple(box(PEG_LENGTH, side, ACROSS_FLATS, at=turn) for turn in turns),
+        shapes=tuple(
+            box(
+                PEG_LENGTH,
+                side,
+                ACROSS_FLATS,
+                at=turn,
+            )
+            for turn in turns
+        ),
         rgba=rgba,
         mesh=mesh_of(placed(exact, Z_TO_X)),
     )
@@ -98,8 +106,20 @@ def socket_board(rgba: Colour) -> Solid:
     import manifold3d
 
     length, width = CELL[0] * len(HOLES), CELL[1]
-    floor = box(length, width, BOARD_FLOOR, at=SE3.at(z=BOARD_FLOOR / 2))
-    exact = manifold_of(box(length, width, BOARD_HEIGHT, at=SE3.at(z=BOARD_HEIGHT / 2)))
+    floor = box(
+        length,
+        width,
+        BOARD_FLOOR,
+        at=SE3.at(z=BOARD_FLOOR / 2),
+    )
+    exact = manifold_of(
+        box(
+            length,
+            width,
+            BOARD_HEIGHT,
+            at=SE3.at(z=BOARD_HEIGHT / 2),
+        )
+    )
     for hole in HOLES:
         shaft = manifold3d.CrossSection([hole.outline().tolist()])
         exact -= shaft.extrude(BOARD_HEIGHT).translate((hole.x, 0.0, BOARD_FLOOR))

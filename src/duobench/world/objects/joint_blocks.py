@@ -37,7 +37,13 @@ FRONT_MOUTH = SE3.at(BAR[0] / 2) @ Z_TO_X
 BACK_MOUTH = SE3.at(-BAR[0] / 2, yaw=math.pi) @ Z_TO_X
 """Mouths of the dark bar's sockets in its frame, z outwards."""
 WALL_TIP = (
-    SE3.at(-WALL_PLATE[0] / 2 - PEG_LENGTH, 0.0, PEG_HEIGHT, yaw=math.pi) @ Z_TO_X
+    SE3.at(
+        -WALL_PLATE[0] / 2 - PEG_LENGTH,
+        0.0,
+        PEG_HEIGHT,
+        yaw=math.pi,
+    )
+    @ Z_TO_X
 )
 """Tip of the wall's peg in the wall's frame, z outwards, towards the robot."""
 
@@ -113,8 +119,18 @@ def _walls(end: SE3) -> Iterator[Shape]:
     for sign in (-1, 1):
         y, z = sign * (half + side / 2), sign * (half + floor / 2)
         x = shaft - length / 2
-        yield box(length, side, height, at=end @ SE3.at(x, y, 0.0))
-        yield box(length, SOCKET_WIDTH, floor, at=end @ SE3.at(x, 0.0, z))
+        yield box(
+            length,
+            side,
+            height,
+            at=end @ SE3.at(x, y, 0.0),
+        )
+        yield box(
+            length,
+            SOCKET_WIDTH,
+            floor,
+            at=end @ SE3.at(x, 0.0, z),
+        )
         rims = ((shaft, half), (face, half + MOUTH))
         sides = [
             (x, sign * y, j * height / 2)

@@ -201,14 +201,24 @@ def _frame() -> tuple[Shape, ...]:
 
 def _floor() -> Shape:
     """Floor of the ball."""
-    return box(2 * HALF, 2 * HALF, BASE, at=SE3.at(z=-BASE / 2))
+    return box(
+        2 * HALF,
+        2 * HALF,
+        BASE,
+        at=SE3.at(z=-BASE / 2),
+    )
 
 
 def _loose_floor() -> Iterable[Shape]:
     """The floor that lies in the rim: its lower edges slope as the shoulders do."""
     wide = INNER - FLOOR_PLAY
     narrow = wide - SHOULDER
-    yield box(2 * narrow, 2 * narrow, 2 * BLUNT, at=SE3.at(z=BLUNT - BASE))
+    yield box(
+        2 * narrow,
+        2 * narrow,
+        2 * BLUNT,
+        at=SE3.at(z=BLUNT - BASE),
+    )
     levels = ((narrow, BLUNT - BASE), (wide, -UPRIGHT), (wide, 0.0))
     yield hull(
         [
@@ -226,12 +236,19 @@ def _outside() -> Iterable[Shape]:
     for turn in _quarter_turns():
         inner = INNER - FLOOR_PLAY
         at = turn @ SE3.at(x=inner + PITCH / 2, z=(low + high) / 2)
-        yield box(PITCH, 2 * EDGE, high - low, at=at)
+        yield box(
+            PITCH,
+            2 * EDGE,
+            high - low,
+            at=at,
+        )
 
 
 def _shoulders() -> Iterable[Shape]:
     """Supports of a loose floor: four wedges at the rim's inner faces, half in it."""
-    outer, end, high = INNER + ROOT, INNER - SHOULDER, -UPRIGHT
+    outer = INNER + ROOT
+    end = INNER - SHOULDER
+    high = -UPRIGHT
     section = (
         (outer, -BASE),
         (end, -BASE),
@@ -248,7 +265,12 @@ def _frame_images() -> tuple[Image, ...]:
     """Everything but walls and the floor's corners."""
     inner = HALF - PITCH
     cross = (
-        box(x, y, BASE, at=SE3.at(z=-BASE / 2))
+        box(
+            x,
+            y,
+            BASE,
+            at=SE3.at(z=-BASE / 2),
+        )
         for x, y in ((2 * HALF, 2 * inner), (2 * inner, 2 * HALF))
     )
     _, *others = images_of(_frame(), _FLOOR_COLOUR)
@@ -257,7 +279,12 @@ def _frame_images() -> tuple[Image, ...]:
 
 def _corner_image(corner: Cell, rgba: Colour) -> Image:
     """The floor of a corner, flush with the rest."""
-    floor = box(PITCH, PITCH, BASE, at=SE3.at(*cell_centre(corner), -BASE / 2))
+    floor = box(
+        PITCH,
+        PITCH,
+        BASE,
+        at=SE3.at(*cell_centre(corner), -BASE / 2),
+    )
     return images_of((floor,), rgba)[0]
 
 

@@ -94,11 +94,36 @@ def _oven() -> Solid:
     relief = 2 * _RELIEF
     return Solid(
         shapes=(
-            box(DEPTH, WIDTH, FLOOR, at=SE3.at(0, 0, FLOOR / 2)),
-            box(DEPTH, WIDTH, FLOOR, at=SE3.at(0, 0, HEIGHT - FLOOR / 2)),
-            box(back, WIDTH, height, at=SE3.at((DEPTH - back) / 2, 0, middle_z)),
-            box(depth, SIDE, height, at=SE3.at(middle_x, (WIDTH - SIDE) / 2, middle_z)),
-            box(depth, controls, height, at=SE3.at(middle_x, controls_y, middle_z)),
+            box(
+                DEPTH,
+                WIDTH,
+                FLOOR,
+                at=SE3.at(0, 0, FLOOR / 2),
+            ),
+            box(
+                DEPTH,
+                WIDTH,
+                FLOOR,
+                at=SE3.at(0, 0, HEIGHT - FLOOR / 2),
+            ),
+            box(
+                back,
+                WIDTH,
+                height,
+                at=SE3.at((DEPTH - back) / 2, 0, middle_z),
+            ),
+            box(
+                depth,
+                SIDE,
+                height,
+                at=SE3.at(middle_x, (WIDTH - SIDE) / 2, middle_z),
+            ),
+            box(
+                depth,
+                controls,
+                height,
+                at=SE3.at(middle_x, controls_y, middle_z),
+            ),
             box(
                 relief, 0.13, 0.22, at=SE3.at(FRONT, controls_y, middle_z), rgba=_PANEL
             ),
@@ -123,7 +148,12 @@ def _door() -> Solid:
     arm_z = BAR_LENGTH / 2 - BAR_RADIUS
     arm = (BAR_STANDOFF, 2 * BAR_RADIUS, 2 * BAR_RADIUS)
     shapes = (
-        box(thickness, width, height, at=middle),
+        box(
+            thickness,
+            width,
+            height,
+            at=middle,
+        ),
         box(
             thickness + _RELIEF,
             width - 0.10,

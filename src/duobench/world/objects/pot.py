@@ -98,7 +98,12 @@ def _handle() -> Solid:
                 BAR_RADIUS, BAR_LENGTH + ARM, at=SE3.about((0, 1, 0), math.pi / 2)
             ),
             *(
-                box(ARM, length, ARM, at=SE3.at(x, -length / 2))
+                box(
+                    ARM,
+                    length,
+                    ARM,
+                    at=SE3.at(x, -length / 2),
+                )
                 for x in (-aside, aside)
             ),
         ),
@@ -113,7 +118,12 @@ def stove_plate() -> Solid:
     radius, height = _BURNER
     return Solid(
         shapes=(
-            box(x, y, z, at=SE3.at(z=z / 2)),
+            box(
+                x,
+                y,
+                z,
+                at=SE3.at(z=z / 2),
+            ),
             cylinder(
                 radius,
                 height,

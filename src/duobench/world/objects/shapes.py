@@ -161,7 +161,12 @@ def ring_wall(
     edge = 2 * radius * math.tan(math.pi / segments)
     middle = SE3.at(radius - thickness / 2, 0.0, low + height / 2)
     return tuple(
-        box(thickness, edge, height, at=SE3.at(yaw=2 * math.pi * k / segments) @ middle)
+        box(
+            thickness,
+            edge,
+            height,
+            at=SE3.at(yaw=2 * math.pi * k / segments) @ middle,
+        )
         for k in range(segments)
     )
 

@@ -233,7 +233,9 @@ def mass_properties(solid: Solid) -> MassProperties:
     # The solid is the signed sum of the tetrahedra that its triangles span with the origin. The
     # sums over triangles are exact: they do not depend on the order of the triangles.
     corners = mesh.vertices[mesh.faces]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    a = corners[:, 0]
+    b = corners[:, 1]
+    c = corners[:, 2]
     sixfold = (a * np.cross(b, c)).sum(axis=1)
     volume = math.fsum(sixfold.tolist()) / 6
     sums = corners.sum(axis=1)

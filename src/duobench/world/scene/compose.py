@@ -245,7 +245,9 @@ def add_ribs(mesh: Mesh) -> Mesh:
     # Nothing stands on the highest one.
     floors = np.unique(corners[level, 0, 2].round(_DIGITS))[:-1]
     solid = manifold_from(mesh)
-    vertices, faces, count = [mesh.vertices], [mesh.faces], len(mesh.vertices)
+    vertices = [mesh.vertices]
+    faces = [mesh.faces]
+    count = len(mesh.vertices)
     for height in (floors + RIB_HEIGHT).tolist():
         section = solid.slice(height).to_polygons()
         if not section:

@@ -69,7 +69,10 @@ def add_workcell(spec: mujoco.MjSpec) -> None:
 def _add_room(spec: mujoco.MjSpec) -> None:
     world = spec.worldbody
     (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
-    x, y, half_x, half_y = (x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0) / 2, (y1 - y0) / 2
+    x = (x0 + x1) / 2
+    y = (y0 + y1) / 2
+    half_x = (x1 - x0) / 2
+    half_y = (y1 - y0) / 2
     floor_material = _add_matte(spec, "floor", 0.10, floor_light())
     wall_material = _add_matte(spec, "wall", 0.35, wall_light())
     ceiling_material = _add_matte(spec, "ceiling", 0.4)
@@ -94,7 +97,13 @@ def _add_room(spec: mujoco.MjSpec) -> None:
         _add_plane(world, at, (half_z, half_width), _WALL, wall_material)
         # In front of the wall, not through it: nothing may hide behind what is not quite opaque.
         foot = SE3.at(*centre, FLOOR_Z + 0.05, yaw=yaw) @ SE3.at(0.0101)
-        add_box(world, foot, (0.02, 2 * half_width, 0.1), _SKIRTING, shadow=False)
+        add_box(
+            world,
+            foot,
+            (0.02, 2 * half_width, 0.1),
+            _SKIRTING,
+            shadow=False,
+        )
 
 
 def floor_light() -> NDArray[np.float64]:
@@ -148,7 +157,10 @@ def _add_matte(
 
 def _add_table(spec: mujoco.MjSpec) -> None:
     (x0, x1), (y0, y1) = TABLE_X, TABLE_Y
-    x, y, length, width = (x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0
+    x = (x0 + x1) / 2
+    y = (y0 + y1) / 2
+    length = x1 - x0
+    width = y1 - y0
     world = spec.worldbody
     table = world.add_body(name=TABLE)
     top = table.add_geom(
@@ -167,7 +179,13 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     legs_x, legs_y = (x0 + 0.06, x1 - 0.06), (y0 + 0.06, y1 - 0.06)
     for leg_x, leg_y in product(legs_x, legs_y):
         leg = SE3.at(leg_x, leg_y, FLOOR_Z + height / 2)
-        add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
+        add_box(
+            world,
+            leg,
+            (0.05, 0.05, height),
+            _STEEL,
+            shadow=False,
+        )
     rail = -TABLE_THICKNESS - 0.03
     for leg_y in legs_y:
         add_box(

@@ -271,13 +271,11 @@ class Appearance:
             geom = geoms[scene.ngeom]
             mujoco.mjv_initGeom(geom, *piece)
             # The engine leaves these as they were in the memory.
-            geom.objtype, geom.objid, geom.segid, geom.dataid, geom.texid = (
-                0,
-                -1,
-                -1,
-                -1,
-                -1,
-            )
+            geom.objtype = 0
+            geom.objid = -1
+            geom.segid = -1
+            geom.dataid = -1
+            geom.texid = -1
             geom.transparent = 0
             geom.category = _DECOR  # which casts no shadow
             scene.ngeom += 1
@@ -300,12 +298,12 @@ def _light(scene: mujoco.MjvScene, lights: tuple[Light, ...]) -> None:
         direction = np.array(SHADOW_CENTRE) - chosen.position
         direction /= np.linalg.norm(direction)
         light.headlight = 0
-        light.type, light.id, light.texid = model.type, model.id, -1
-        light.exponent, light.cutoff, light.attenuation[:] = (
-            0.0,
-            model.cutoff,
-            model.attenuation,
-        )
+        light.type = model.type
+        light.id = model.id
+        light.texid = -1
+        light.exponent = 0.0
+        light.cutoff = model.cutoff
+        light.attenuation[:] = model.attenuation
         light.ambient[:] = 0.0
         light.pos[:] = SHADOW_CENTRE - _LIGHT_DISTANCE * direction
         light.dir[:] = direction

@@ -81,7 +81,9 @@ class ContactTable(ContactOwners):
         self._touching[other, one, worlds] = True
         # What presses and pushes is a contact of the robot.
         robot = np.flatnonzero(self._is_robot[one] | self._is_robot[other])
-        self._worlds, self._one, self._other = worlds[robot], one[robot], other[robot]
+        self._worlds = worlds[robot]
+        self._one = one[robot]
+        self._other = other[robot]
         touch = touch[robot]
         self._normals, self._points = (
             np.stack([column[touch] for column in rows.T[:3]])

@@ -56,7 +56,9 @@ class HingeAxis(NamedTuple):
         ax, ay, az = self.axis
         px, py, pz = point
         ox, oy, oz = self.anchor
-        x, y, z = px - ox, py - oy, pz - oz
+        x = px - ox
+        y = py - oy
+        z = pz - oz
         return ay * z - az * y, az * x - ax * z, ax * y - ay * x
 
 
@@ -243,7 +245,10 @@ class Contacts(ContactOwners):
         """
         from mujoco import mj_contactForce
 
-        model, data, total, force = self._model, self._data, 0.0, np.zeros(6)
+        model = self._model
+        data = self._data
+        total = 0.0
+        force = np.zeros(6)
         for number, sign in self._normals(self._limbs[side], self._index[owner]):
             self._solve()
             mj_contactForce(model, data, number, force)
@@ -290,7 +295,9 @@ class Contacts(ContactOwners):
         """
         from mujoco import mj_geomDistance
 
-        model, data, ends = self._model, self._data, np.zeros(6)
+        model = self._model
+        data = self._data
+        ends = np.zeros(6)
         pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
         for other in self._solids.get(self._index[owner], ()):
             furthest = float(model.geom_rbound[other]) + GRIPPER.reach + distance
@@ -331,7 +338,9 @@ class Contacts(ContactOwners):
         left, right = self._pad_bodies[side]
         left_x, left_y, left_z = self._pad_centres[left].tolist()
         right_x, right_y, right_z = self._pad_centres[right].tolist()
-        x, y, z = right_x - left_x, right_y - left_y, right_z - left_z
+        x = right_x - left_x
+        y = right_y - left_y
+        z = right_z - left_z
         far = math.sqrt(x * x + y * y + z * z)
         x, y, z = x / far, y / far, z / far
         if self._frames is None:

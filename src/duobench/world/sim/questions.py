@@ -34,12 +34,10 @@ class Questions(ABC):
         from mujoco import mjtJoint
 
         # Views of the engine's memory; they live as long as its data.
-        self._xpos, self._xmat, self._qpos, self._qvel = (
-            data.xpos,
-            data.xmat,
-            data.qpos,
-            data.qvel,
-        )
+        self._xpos = data.xpos
+        self._xmat = data.xmat
+        self._qpos = data.qpos
+        self._qvel = data.qvel
         self._xanchor, self._xaxis = data.xanchor, data.xaxis
         self._xipos, self._site_xpos = data.xipos, data.site_xpos
         self._tools = {side: int(model.site(tcp_name(side)).id) for side in SIDES}

@@ -287,7 +287,9 @@ class Simulation(Questions):
 
         Returns the control steps it took, at most `MAX_SETTLE_STEPS`.
         """
-        command, steps, is_settled = self.duo.command(), 0, False
+        command = self.duo.command()
+        steps = 0
+        is_settled = False
         while steps < MAX_SETTLE_STEPS and not is_settled:
             self.advance(command)
             steps += 1
@@ -404,7 +406,9 @@ class Simulation(Questions):
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(vessel)
         found: list[Point] = []
         for px, py, pz in self._xpos.take(rows, axis=0).tolist():
-            x, y, z = px - ox, py - oy, pz - oz
+            x = px - ox
+            y = py - oy
+            z = pz - oz
             up = xz * x + yz * y + zz * z
             if low <= up <= high:
                 along = xx * x + yx * y + zx * z
@@ -434,7 +438,9 @@ class Simulation(Questions):
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(frame)
         found: list[float] = []
         for (vx, vy, vz), (px, py, pz) in zip(velocities, positions, strict=True):
-            x, y, z = vx - ox, vy - oy, vz - oz
+            x = vx - ox
+            y = vy - oy
+            z = vz - oz
             found.append(
                 math.hypot(
                     xx * x + yx * y + zx * z - (wy * pz - wz * py),

@@ -31,7 +31,12 @@ class ThreadBatch(SimulationBatch):
         threads: int,
     ) -> None:
         model = simulation.model
-        batch = self._batch = Batch(model, count, threads, persistent=True)
+        batch = self._batch = Batch(
+            model,
+            count,
+            threads,
+            persistent=True,
+        )
         super().__init__(simulation, count, batch)
         varies = any(prop.choice is not None for prop in self.props.values())
         switched = ("geom_contype", "geom_conaffinity") if varies else ()

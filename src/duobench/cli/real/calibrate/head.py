@@ -42,5 +42,10 @@ def run(
     seen = known_lens(known, HEAD)
     folder = open_views(known, views, HEAD, None, sheet)
     x, y, angle = at
-    where = SE3.at(x / 1000.0, y / 1000.0, 0.0, yaw=math.radians(angle))
+    where = SE3.at(
+        x / 1000.0,
+        y / 1000.0,
+        0.0,
+        yaw=math.radians(angle),
+    )
     write_place(rig, known, HEAD, locate_head(folder.images(), sheet, seen, where))

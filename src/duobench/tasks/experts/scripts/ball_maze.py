@@ -118,7 +118,13 @@ def lift(
 ) -> Script:
     """Lift the board, level."""
     high = arms.sim.pose("board").moved(z=way.lift)
-    yield from carry(arms, "board", high, *sides, speed=0.2)
+    yield from carry(
+        arms,
+        "board",
+        high,
+        *sides,
+        speed=0.2,
+    )
 
 
 def solve(

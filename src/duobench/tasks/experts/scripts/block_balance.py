@@ -68,7 +68,12 @@ def lower(
     for side in sides:
         end = beam.apply([0.0, side.sign * reach, 0.0])
         height = beam.translation[2] + BEAM[2] / 2 + BLOCK[2] / 2 + gap
-        goal = SE3.at(end[0], end[1], height, yaw=beam.yaw)
+        goal = SE3.at(
+            end[0],
+            end[1],
+            height,
+            yaw=beam.yaw,
+        )
         goals[side] = tool_for(arms, side, _block(side), goal)
     yield from move(
         arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3
@@ -98,7 +103,12 @@ def lay_beam(
     yield from pick(
         arms,
         side,
-        down(x, y, z, yaw=beam.yaw + _OUTWARD[side]),
+        down(
+            x,
+            y,
+            z,
+            yaw=beam.yaw + _OUTWARD[side],
+        ),
         speed=_BEAM_SPEED,
         freedom=_BEAM_FREEDOM,
     )
@@ -122,7 +132,12 @@ def take_block(
     """Pick up the block on an arm's side, with the tool at a height above the block's middle."""
     pose = arms.sim.pose(_block(side))
     x, y, z = pose.translation
-    grasp = down(x, y, z + height, yaw=_OUTWARD[side])
+    grasp = down(
+        x,
+        y,
+        z + height,
+        yaw=_OUTWARD[side],
+    )
     yield from pick(
         arms,
         side,

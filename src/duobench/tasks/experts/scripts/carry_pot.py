@@ -63,7 +63,12 @@ def lift(arms: Arms) -> Script:
     """Take the pot by both handles, and lift it."""
     while not all(arms.grasps(side, _handle(side)) for side in SIDES):
         yield from grasp(arms)
-    yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=_LIFT), speed=0.15)
+    yield from carry(
+        arms,
+        "pot",
+        arms.sim.pose("pot").moved(z=_LIFT),
+        speed=0.15,
+    )
 
 
 def carry_over(
@@ -71,14 +76,26 @@ def carry_over(
 ) -> Script:
     """Carry the pot to a place above the plate; its yaw does not change."""
     goal = _level(arms, x, y, height)
-    yield from carry(arms, "pot", goal, *sides, speed=CAREFUL)
+    yield from carry(
+        arms,
+        "pot",
+        goal,
+        *sides,
+        speed=CAREFUL,
+    )
 
 
 def land(arms: Arms, *sides: Side) -> Script:
     """Lower the pot until it touches the plate; both arms hold it where none is given."""
     x, y, _ = arms.sim.position("pot")
     low = _level(arms, x, y, -_BELOW)
-    for _ in carry(arms, "pot", low, *sides, speed=_LANDING_SPEED):
+    for _ in carry(
+        arms,
+        "pot",
+        low,
+        *sides,
+        speed=_LANDING_SPEED,
+    ):
         if arms.sim.contacts.between("pot", "stove"):
             break
         yield
@@ -95,7 +112,12 @@ def _level(
 ) -> SE3:
     """Pose of the pot level above the plate, with its current yaw."""
     yaw = arms.sim.pose("pot").yaw
-    return SE3.at(x, y, PLATE[2] + HEIGHT / 2 + height, yaw=yaw)
+    return SE3.at(
+        x,
+        y,
+        PLATE[2] + HEIGHT / 2 + height,
+        yaw=yaw,
+    )
 
 
 def let_go(arms: Arms, *sides: Side) -> Script:

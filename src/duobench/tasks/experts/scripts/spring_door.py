@@ -60,7 +60,14 @@ def script(arms: Arms) -> Script:
     def is_open() -> bool:
         return arms.sim.angle("microwave/door") >= _ENOUGH
 
-    bring = put_in(arms, INSERTER, fetch(arms), is_open, reach_in(arms), max_steps=500)
+    bring = put_in(
+        arms,
+        INSERTER,
+        fetch(arms),
+        is_open,
+        reach_in(arms),
+        max_steps=500,
+    )
     yield from together(open_door(arms), bring)
 
 
@@ -95,7 +102,13 @@ def fetch(arms: Arms) -> Script:
     """The right arm picks up the cube."""
     aside = arms.targets[INSERTER].moved(*_ASIDE)
     yield from move(arms, {INSERTER: aside}, arrive=False)
-    yield from pick_cube(arms, INSERTER, "cube", _GRASP_HEIGHT, tilt=_GRASP_TILT)
+    yield from pick_cube(
+        arms,
+        INSERTER,
+        "cube",
+        _GRASP_HEIGHT,
+        tilt=_GRASP_TILT,
+    )
 
 
 def reach_in(arms: Arms, *, depth: float = 0.0) -> Script:

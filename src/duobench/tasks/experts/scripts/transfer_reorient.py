@@ -76,10 +76,25 @@ def insert(
     """Turn the peg upright over a hole, look again from near, lower it."""
     goal = upright(arms, side, hole)
     for height in _ABOVE:
-        yield from lead(arms, side, goal.moved(z=height), speed=0.4)
+        yield from lead(
+            arms,
+            side,
+            goal.moved(z=height),
+            speed=0.4,
+        )
     for height in (0.010, 0.004):
-        yield from lead(arms, side, goal.moved(z=height), speed=0.12)
-    yield from lead(arms, side, goal.moved(z=-0.024), speed=0.06)
+        yield from lead(
+            arms,
+            side,
+            goal.moved(z=height),
+            speed=0.12,
+        )
+    yield from lead(
+        arms,
+        side,
+        goal.moved(z=-0.024),
+        speed=0.06,
+    )
 
 
 def upright(
