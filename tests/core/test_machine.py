@@ -40,6 +40,8 @@ OTHERS = {
     "pyarrow",
     "stable-baselines3",
     "gymnasium",
+    "tensorboard",
+    "wandb",
 }
 """Packages of others that pages and messages name."""
 
