@@ -31,6 +31,14 @@ def robot() -> Iterator[DuoBenchDuo]:
         made.disconnect()
 
 
+def test_grippers_of_a_rehearsal_are_activated_without_a_question() -> None:
+    rig = open_rig("rehearsal", VirtualClock())
+    robot = DuoBenchDuo(CONFIG, rig)
+    robot.connect()
+    assert not rig.hands.inactive
+    robot.disconnect()
+
+
 def test_lerobot_finds_it_by_its_name() -> None:
     register_third_party_plugins()
     assert RobotConfig.get_choice_class("duobench_duo") is DuoBenchDuoConfig

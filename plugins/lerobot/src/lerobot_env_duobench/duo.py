@@ -77,8 +77,9 @@ class DuoBenchDuo(Arms):
         duo = self._duo
         duo.start()
         try:
-            if self.config.ask and duo.hands.inactive:
-                _ask(ACTIVATION)
+            if duo.hands.inactive:
+                if self.config.ask:
+                    _ask(ACTIVATION)
                 duo.hands.activate()
             if self.config.ask:
                 _ask(QUESTION)
