@@ -91,15 +91,14 @@ def test_several_policies_lie_over_each_other(played: RunFolder, tmp_path: Path)
         write_robustness([read(played)], tmp_path)
 
 
-def test_one_condition_is_chosen_by_its_shift(
-    played: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_condition_is_chosen_by_its_shift(played: RunFolder, tmp_path: Path) -> None:
     plain = run_folder(tmp_path / "plain", (NO_SHIFT,))
     out = ["--out", str(tmp_path / "c")]
     with pytest.raises(SystemExit, match=r"such as .*mine@none"):
         main(["compare", str(played.path), str(plain.path), *out])
     main(["compare", f"a={played.path}@look-5", f"b={plain.path}", *out])
-    assert "shift look at level 5 and no shift" in capsys.readouterr().out
+    page = (tmp_path / "c" / "index.html").read_text(encoding="utf-8")
+    assert "shift look at level 5 and no shift" in page
     with pytest.raises(EvaluationError, match="was not played with camera at level 1"):
         read_named(f"{played.path}@camera-1")
     with pytest.raises(EvaluationError, match="Nothing was played under a shift"):

@@ -57,7 +57,7 @@ def cases() -> Iterator[Any]:
             yield pytest.param(task, way, id=case.id, marks=(*case.marks, *marks))
 
 
-@pytest.mark.parametrize(("task", "way"), cases())
+@pytest.mark.parametrize(("task", "way"), list(cases()))
 def test_a_way_gets_what_it_deserves(task: str, way: Way) -> None:
     bench = bench_of(task)
     gets = bench.task.max_stage if way.gets is None else way.gets

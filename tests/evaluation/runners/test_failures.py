@@ -41,7 +41,7 @@ from duobench.policy.serving.connection import is_healthy
 from duobench.policy.serving.limits import HEALTH_PATH, reply_bytes
 from duobench.results.folder import RunFolder
 from duobench.results.records import Record
-from duobench.results.run import TimeLimits
+from duobench.results.run import Resuming, TimeLimits
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.processes import wait_until
@@ -380,7 +380,9 @@ CASES: Mapping[str, Case] = {
     "task: accept raises in one": task("ACCEPT", BAD, says=SLIP),
     "task: accept raises here": task("ACCEPT", BAD, workers=0, says=SLIP),
     "task: no valid layout": task("NOWHERE", says="accepts none"),
-    "task: counted as failures": task("ACCEPT", BAD, options={"unplayed_count_as_failures": True}),
+    "task: counted as failures": task(
+        "ACCEPT", BAD, options={"resuming": Resuming(unplayed_count_as_failures=True)}
+    ),
     "task: stage raises": task("STAGE", says=SLIP),
     "task: stage raises here": task("STAGE", workers=0),
     "task: words raise": task("WORDS", says=SLIP),

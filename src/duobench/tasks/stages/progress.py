@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from duobench.core.errors import TaskError, UnknownNameError
+from duobench.core.errors import Named, TaskError, UnknownNameError
 from duobench.core.types import CONTROL_HZ
 from duobench.tasks.stages.logic import (
     HeldFor,
@@ -151,7 +151,8 @@ def check_names(
         UnknownNameError: A predicate names what is not there; near misses are listed.
         TaskError: A predicate asks another one that remembers, and is not among its parts.
     """
-    heights = {name: simulation.min_height(name) for name in simulation.props}
+    names = simulation.props
+    heights = Named("object", {name: simulation.min_height(name) for name in names})
     state = StateView(
         simulation=simulation,
         start_heights=heights,
