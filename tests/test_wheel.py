@@ -66,7 +66,8 @@ class Installed:
         # Files of this kind are not read in the folder that is named here, so that what is
         # installed there as editable, DuoBench itself, stays out of sight.
         (packages / "dependencies.pth").write_text(f"{sysconfig.get_path('purelib')}\n")
-        (packages / "sitecustomize.py").write_text(NO_NETWORK)
+        (packages / "no_network.py").write_text(NO_NETWORK)
+        (packages / "no_network.pth").write_text("import no_network")
         self.packages = packages
 
     @property

@@ -103,7 +103,15 @@ class Root:
     def _program(self, words: list[str], *, network: bool) -> list[str]:
         own = ["unshare", "--mount", "--pid", "--ipc", "--uts", "--fork"]
         own += [] if network else ["--net"]
-        mounts = f"mount -t proc proc {self.folder}/proc && exec chroot --userspec={self.user} "
+        # As an engine of containers gives them: processes, terminals, and a name of its own.
+        dev = self.folder / "dev"
+        prepared = (
+            f"mount -t proc proc {self.folder}/proc",
+            f"mount -t devpts -o newinstance,ptmxmode=0666 devpts {dev}/pts",
+            f"mount --bind {dev}/pts/ptmx {dev}/ptmx",
+            "hostname localhost",
+        )
+        mounts = f"{' && '.join(prepared)} && exec chroot --userspec={self.user} "
         told = {**self.environment, "HOME": self.home}
         variables = [f"{name}={value}" for name, value in told.items()]
         command = shlex.join(["env", "-i", *variables, *words])

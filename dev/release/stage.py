@@ -10,6 +10,7 @@ import sys
 import tarfile
 import tomllib
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[2]
 REPOSITORY = os.environ.get("DUOBENCH_REPOSITORY", "https://duobench.invalid")
@@ -123,7 +124,9 @@ def build(folder: Path, out: Path) -> list[Path]:
     unpacked = out / ".unpacked"
     shutil.rmtree(unpacked, ignore_errors=True)
     with tarfile.open(source) as archive:
-        archive.extractall(unpacked, filter="data")
+        # Python 3.11 has filters since 3.11.4.
+        safe: Any = {"filter": "data"} if hasattr(tarfile, "data_filter") else {}
+        archive.extractall(unpacked, **safe)
     (inside,) = unpacked.iterdir()
     before = set(out.glob("*.whl"))
     subprocess.run([*hatch, "-t", "wheel", "-d", str(out)], cwd=inside, check=True)
