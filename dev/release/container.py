@@ -82,6 +82,10 @@ class Root:
                 shutil.copytree(there, self.folder / name, dirs_exist_ok=True)
             elif there.exists():
                 shutil.copy(there, self.folder / name)
+        hosts = (
+            self.folder / "etc" / "hosts"
+        )  # which an engine of containers writes too
+        hosts.write_text("127.0.0.1 localhost\n", encoding="utf-8")
         authorities = "etc/ssl/certs/ca-certificates.crt"
         shutil.copy(Path("/") / authorities, self.folder / authorities)
 

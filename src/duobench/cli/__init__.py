@@ -41,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             import_module("duobench.cli.program").run(words)
             sys.stdout.flush()
         except DuoBenchError as error:
+            _flush()
             sys.exit(f"error: {escaped(str(error))}")
         except BrokenPipeError:  # the reader of the output has closed it
             _discard_output()
@@ -65,6 +66,14 @@ def _print_anything() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+
+
+def _flush() -> None:
+    """Print what is still to be printed; a terminal that is lost takes none of it."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError):
+        _discard_output()
 
 
 def _discard_output() -> None:
