@@ -1,5 +1,6 @@
 """The command line: thin, one file a command, named as the command, loaded when it is needed."""
 
+import atexit
 import io
 import logging
 import os
@@ -8,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
+from typing import TextIO
 
 from duobench.cli.shared.process import leave, leaving_at_once
 from duobench.core.errors import DuoBenchError, escaped
@@ -24,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     _find_modules_here()
     _print_anything()
+    atexit.register(_print_the_rest)
     logging.getLogger("matplotlib").setLevel(
         logging.ERROR
     )  # it warns of a home it cannot write
@@ -41,7 +44,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
             import_module("duobench.cli.program").run(words)
             sys.stdout.flush()
         except DuoBenchError as error:
-            _flush()
             sys.exit(f"error: {escaped(str(error))}")
         except BrokenPipeError:  # the reader of the output has closed it
             _discard_output()
@@ -68,18 +70,23 @@ def _print_anything() -> None:
             stream.reconfigure(errors="replace")
 
 
-def _flush() -> None:
-    """Print what is still to be printed; a terminal that is lost takes none of it."""
-    try:
-        sys.stdout.flush()
-    except (OSError, ValueError):
-        _discard_output()
+def _print_the_rest() -> None:
+    """Print what streams still hold; without this, a lost terminal ends Python with 120."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            _discard(stream)
 
 
 def _discard_output() -> None:
     """Forget what could not be printed; Python would try again at its end."""
+    _discard(sys.stdout)
+
+
+def _discard(stream: TextIO) -> None:
     with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _find_modules_here() -> None:

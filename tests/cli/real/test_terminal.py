@@ -60,7 +60,11 @@ def terminal(*words: str) -> Iterator[Terminal]:
         stdin=slave,
         stdout=slave,
         stderr=slave,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])},
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)]),
+            "PYTHONUNBUFFERED": "",  # as where nobody set it: streams hold what is not printed
+        },
         start_new_session=True,
         preexec_fn=own,  # noqa: PLW1509 - it starts no thread and takes no lock
     ) as process:
