@@ -26,7 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     _find_modules_here()
     _print_anything()
-    atexit.register(_print_the_rest)
+    if arguments is None:  # the process ends with the command
+        atexit.register(_print_the_rest)
     logging.getLogger("matplotlib").setLevel(
         logging.ERROR
     )  # it warns of a home it cannot write
