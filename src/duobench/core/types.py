@@ -2,6 +2,7 @@
 
 import math
 import operator
+import sys
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -57,11 +58,17 @@ SIDES = (Side.LEFT, Side.RIGHT)
 def real_array(values: ArrayLike, dtype: type[np.floating[Any]]) -> NDArray[Any]:
     """Numbers as an array of floats."""
     array = np.asanyarray(values)
-    if array.dtype.kind in "cSUmM" or np.ma.is_masked(array):
+    if array.dtype.kind in "cSUmM" or _is_masked(array):
         raise TypeError(
             f"Real numbers are expected, got {array.dtype} or masked values."
         )
     return np.asarray(array, dtype=dtype)
+
+
+def _is_masked(array: NDArray[Any]) -> bool:
+    # Nothing is masked where nothing has imported the module, whose import would stop the arms.
+    masked = sys.modules.get("numpy.ma")
+    return masked is not None and masked.is_masked(array)
 
 
 def as_whole(value: Any) -> int | None:
