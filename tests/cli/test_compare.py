@@ -53,6 +53,7 @@ def verified(out: Path) -> dict[str, tuple[str, str]]:
     return found
 
 
+@pytest.mark.slow
 def test_a_forged_record_a_bundle_and_what_cannot_be_played_have_their_words(
     run: Path, told: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -112,6 +113,7 @@ def test_tasks_of_others_are_verified_where_they_may_be_imported(
     assert set(verified(out).values()) == {("yes", "exact 2")}
 
 
+@pytest.mark.slow
 def test_one_condition_is_verified_alone(run: Path, told: Told) -> None:
     shifted, out = run.with_name("shifted"), run.with_name("compared")
     words = ["--suite", "robust", "--axes", "latency", "--levels", "1", *SHORT]

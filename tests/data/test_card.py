@@ -87,6 +87,7 @@ def test_recordings_of_a_task_are_a_table_for_the_hub(two_tasks: DataSet) -> Non
     assert found == {task: two_tasks.episodes(task) for task in ("bin_sort", "transfer_cube")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "per_task", "learns"),
     [

@@ -268,6 +268,7 @@ def emptied(path: Path) -> None:
     path.write_bytes(b"")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [halved, emptied, Path.unlink])
 @pytest.mark.parametrize("kind", ["data", "video"])
 def test_a_damaged_file_is_not_trained_on_and_made_again(

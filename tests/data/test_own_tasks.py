@@ -57,6 +57,7 @@ def test_they_say_where_the_task_is(demos: Path, tmp_path: Path) -> None:
     assert (info.task, info.reference) == ("bin_sort", "bin_sort")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

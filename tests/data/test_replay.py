@@ -26,6 +26,7 @@ def expert(demos: Path) -> Recording:
     return only(demos)
 
 
+@pytest.mark.slow
 def test_commands_lead_to_the_same_states_and_stages(expert: Recording) -> None:
     (found,) = replay(TASK, [expert])
     assert found.is_exact

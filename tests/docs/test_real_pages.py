@@ -35,6 +35,7 @@ def test_programs_run(page: Path, tmp_path: Path) -> None:
         assert run_python(code, tmp_path)
 
 
+@pytest.mark.slow
 def test_the_command_brings_a_rig_home(tmp_path: Path) -> None:
     (line,) = blocks(ARMS, "sh")
     words, _, rest = line.strip().partition(" | ")
@@ -118,7 +119,7 @@ def answered(line: str, folder: Path) -> str:
     return said
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_commands_run_in_their_order(tmp_path: Path) -> None:
     lines = [line for block in blocks(RECORDING, "sh") for line in block.splitlines() if line]
     outputs = [answered(line, tmp_path) for line in lines]
@@ -189,7 +190,7 @@ def judge(operator: Operator) -> None:
         operator.finish()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_commands_of_an_evaluation_run(tmp_path: Path) -> None:
     said = {}
     for line in "".join(blocks(EVALUATION, "sh")).splitlines():

@@ -104,6 +104,7 @@ class Delta(HoldPolicy):
         return np.tile([0.3] * 7 + [1.0], 2)[None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("policy", "is_far_off"),
     [

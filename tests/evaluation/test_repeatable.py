@@ -44,6 +44,7 @@ def without_torch(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "torch")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", [toy_noise.Diffuses, toy_noise.Imports])
 def test_noise_of_torch_follows_from_the_seed(play: Play, policy: type) -> None:
     first, results = play(named(policy), "first", workers=1)
@@ -56,6 +57,7 @@ def test_noise_of_torch_follows_from_the_seed(play: Play, policy: type) -> None:
     assert SAME in first.page.read_text()
 
 
+@pytest.mark.slow
 def test_sets_of_texts_have_one_order_in_all_processes(
     play: Play, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -251,6 +251,7 @@ def test_record_beyond_the_run_is_no_silent_part_of_it(tmp_path):
         read_source(folder.path)
 
 
+@pytest.mark.slow
 def test_fresh_and_retry_work_in_shards(tmp_path, monkeypatch):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
     policy, folder = f"{toy_tasks.__name__}:BreaksOnce", RunFolder(tmp_path / "run")

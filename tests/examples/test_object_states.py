@@ -88,6 +88,7 @@ def test_nearest_state_is_evaluated_as_a_privileged_policy(exports: Path) -> Non
     assert record.steps > 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("example")
 def test_one_policy_plays_the_file_of_the_task_that_is_instructed(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -180,6 +181,7 @@ def test_joint_labels_are_played_as_they_are(exports: Path) -> None:
     assert np.array_equal(to_actions(data.labels), np.float32(recording.action))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("example")
 def test_what_cannot_be_learned_from_is_refused_with_what_to_export(exports: Path) -> None:
     import network  # pyright: ignore[reportMissingImports]
@@ -384,6 +386,7 @@ def test_the_table_goes_on_where_it_was_stopped(
     assert rows[2].startswith(f"| `{TASK}` | 2 | ")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("example")
 def test_what_a_policy_achieved_is_there_to_be_learned_from(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

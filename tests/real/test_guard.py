@@ -252,6 +252,7 @@ def test_a_lid_is_where_somebody_left_it_and_nothing_to_keep_from() -> None:
     assert not lid & set(guard._words)
 
 
+@pytest.mark.slow
 def test_an_episode_begins_with_what_its_layout_says_stands_there() -> None:
     duo = new_rig(guard=True)
     env = make_real_env(duo, "hinge_chest", cameras=())

@@ -406,6 +406,7 @@ def test_time_passes_no_faster_than_real_and_in_order() -> None:
     assert (early.count("a"), early.count("b")) == (9, 3), "none is left out"
 
 
+@pytest.mark.slow
 def test_a_call_that_takes_long_slows_time_down_for_everybody() -> None:
     rig = rehearsal_rig()
     with closing(open_rig(replace(rig, cameras={}), guard=False)) as duo:

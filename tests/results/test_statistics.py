@@ -151,7 +151,7 @@ def power(episodes: int, chance_a: float, chance_b: float, level: float) -> floa
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("level", [0.05, 0.05 / 3])
 @pytest.mark.parametrize(("only_a", "only_b"), [(12, 2), (30, 10), (5, 20), (9, 0)])
 def test_episodes_that_would_tell_find_the_difference_in_about_80_percent(

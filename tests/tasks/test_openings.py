@@ -82,6 +82,7 @@ def let_go_inside(bench: TaskHarness, case: Opening) -> None:
     assert bench.stage == 2
 
 
+@pytest.mark.slow
 @rows(
     hinge_chest=[
         ((0.0, -0.06, IN_CHEST), True, 3),

@@ -20,8 +20,9 @@ TRIES = 6
 """Seeds that are tried until the deed is done: it may fail by physics, but not on all."""
 SEEDS, MOST = range(5), 4
 """Seeds of layouts on which some ways are all tried, and of how many the deed is done at least."""
-USUAL = 5
-"""Adversaries and sincere ways of a task that `make test` plays; the others are slow."""
+USUAL, OFTEN_PLAYED = 3, 8
+"""Adversaries and sincere ways of a task that `make test` plays, and that CI does; the others are
+long."""
 OFTEN = {
     "ball_maze": ("put down", "loses its grip", "loosens"),
     "block_balance": ("hops", "raised, and put on again"),
@@ -44,16 +45,22 @@ def bench_of(task: str) -> TaskHarness:
     return TaskHarness(catalog.get(task))
 
 
+def marks_at(place: int) -> tuple[pytest.MarkDecorator, ...]:
+    if place < USUAL:
+        return ()
+    return (pytest.mark.slow if place < OFTEN_PLAYED else pytest.mark.long,)
+
+
 def cases() -> Iterator[Any]:
     """Every way of every task; those beyond the first few of a task are slow."""
     for task in catalog.names():
         ways = ways_of(task)
         for place, (name, way) in enumerate(ways.ADVERSARIES.items()):
-            marks = (pytest.mark.slow,) if place >= USUAL else ()
+            marks = marks_at(place)
             yield pytest.param(task, way, id=f"{task}: {name}", marks=marks)
         for place, (name, way) in enumerate(ways.SINCERE.items()):
             case = marked(task, way, name=f"{task}: {name}")
-            marks = (pytest.mark.slow,) if place >= USUAL else ()
+            marks = marks_at(place)
             yield pytest.param(task, way, id=case.id, marks=(*case.marks, *marks))
 
 

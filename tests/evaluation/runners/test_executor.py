@@ -258,6 +258,7 @@ def test_policy_that_cannot_answer_is_refused_before_anything_is_written(
     assert not (tmp_path / "run" / "run.json").exists()
 
 
+@pytest.mark.slow
 def test_run_of_nothing_but_errors_gives_way_to_a_changed_policy(play, reference):
     _, results = play("RaisesInTheSecondAnswer", workers=1)
     assert results.overall.errors == results.overall.episodes == 8

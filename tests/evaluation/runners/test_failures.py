@@ -413,10 +413,18 @@ QUICK = {
     "task: stage raises here", "here: says machinery", "task: words find nothing",
     "video: device is empty", "images: device is empty",
 }  # fmt: skip
+REPEATED = ("local", "video")
+"""Places whose cells end like those of others: by the rule of a served policy, of an image."""
+
+
+def mark_of(cell: str) -> tuple[pytest.MarkDecorator, ...]:
+    if cell in QUICK:
+        return ()
+    return (pytest.mark.long if cell.startswith(REPEATED) else pytest.mark.slow,)
+
+
 CELLS = [
-    pytest.param(row, cell, id=cell, marks=() if cell in QUICK else pytest.mark.slow)
-    for row in ROWS
-    for cell in row.cells
+    pytest.param(row, cell, id=cell, marks=mark_of(cell)) for row in ROWS for cell in row.cells
 ]
 
 

@@ -104,6 +104,7 @@ def test_interrupted_run_stops_and_keeps_what_is_finished(script, tmp_path):
     assert run_folder.read_records(run_folder.read_run())
 
 
+@pytest.mark.slow
 def test_suspended_run_fails_no_policy_for_the_time_that_it_was_stopped(
     script, tmp_path, monkeypatch
 ):

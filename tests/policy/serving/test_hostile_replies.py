@@ -104,6 +104,7 @@ def peak_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("client", "served"), [(OpenpiPolicy, openpi), (VlaEvalPolicy, vla_eval)])
 def test_hostile_replies_are_the_fault_of_the_policy(
     client: Callable[[RemoteServer], Any], served: Callable[..., AbstractContextManager[int]]

@@ -22,6 +22,7 @@ def duo(request: pytest.FixtureRequest) -> Iterator[FrankaDuo]:
         yield made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", [0x0D, 0x0E], ids=hex)
 @pytest.mark.parametrize("is_active", [True, False])
 def test_gripper_with_a_fault_that_only_activation_clears(

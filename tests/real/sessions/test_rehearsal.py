@@ -100,6 +100,7 @@ def test_records_of_a_rehearsal_hold_what_the_operator_meant(task: str, tmp_path
     logging.getLogger(__name__).info(tally)
 
 
+@pytest.mark.slow
 def test_recording_on_a_rehearsal_solves_the_task(
     tmp_path: Path, demonstrations: Callable[..., Path]
 ) -> None:

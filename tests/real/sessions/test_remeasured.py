@@ -47,6 +47,7 @@ def then_stop(operator: Operator) -> None:
     operator.stand.session.stop()
 
 
+@pytest.mark.slow
 def test_evaluation_goes_on_where_its_rig_was_measured_again(tmp_path: Path) -> None:
     path = tmp_path / "t"
     played(path, then_stop, POLICIES, rig=FIRST, is_complete=False)

@@ -142,7 +142,7 @@ def entries(stand: Stand, kind: LogKind) -> list[LogEntry]:
     return [entry for entry in stand.folder.read_log() if entry.kind is kind]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_days(tmp_path: Path) -> None:
     path, rig = tmp_path / "trials", quick_rig()
 

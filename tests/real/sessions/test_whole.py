@@ -103,7 +103,7 @@ def test_every_trial_is_recorded_as_it_was_judged(whole: Whole) -> None:
     assert again.judged.repeated == (InvalidTrial(reason=REASON, stage=1, is_chosen=True),)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_undone_presses_stay(whole: Whole) -> None:
     trial = whole.folder.read_plan().trials()[UNDO]
     record = records(whole.folder)["AB"[trial.policy]][trial.episode]

@@ -73,7 +73,7 @@ def test_each_form_of_the_reward_is_paid(name: str) -> None:
     assert sum(paid) == pytest.approx(1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @TASKS
 def test_what_is_nearer_is_paid_and_taken_back_alone_or_on_threads(name: str) -> None:
     _, episode = baseline(name)

@@ -59,6 +59,7 @@ def check_ways(task: str, ways: Iterable[Way]) -> None:
     assert mismatches(bench.task, [judged(bench, way) for way in ways]) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "task",
     [

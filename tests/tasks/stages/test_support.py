@@ -245,7 +245,7 @@ def test_support(moments: Moments, rows: tuple[tuple, ...]) -> None:
         assert moments.stage_after(*letters) == stage, letters
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("level", range(LEVELS + 1))
 def test_no_lid_stays_open_by_itself_for_long(moments: Moments, case: Opening, level: int) -> None:
     """Neither let go at its stop nor thrown open, from where it begins to count, at any speed, and

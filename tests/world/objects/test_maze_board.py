@@ -61,7 +61,7 @@ def shown(maze: Maze) -> list[Image]:
     return [image for index, image in enumerate(board().images) if index not in hidden]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @mazes
 def test_only_start_and_goal_of_a_board_are_coloured(maze: Maze) -> None:
     colours = {}
@@ -80,6 +80,7 @@ def test_only_start_and_goal_of_a_board_are_coloured(maze: Maze) -> None:
     assert len({*plain, colours[maze.start], colours[maze.goal]}) == 3
 
 
+@pytest.mark.slow
 @mazes
 def test_the_shown_images_are_the_board_without_two_faces_in_one_place(maze: Maze) -> None:
     images = [manifold_from(image.mesh) for image in shown(maze)]

@@ -156,6 +156,7 @@ def test_shadows_fall_where_the_light_comes_from(draw: Draw) -> None:
 RED, GREEN, BLUE = range(3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "body", "other"),
     [

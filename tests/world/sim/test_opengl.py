@@ -155,7 +155,7 @@ def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) 
     assert "libegl1" in message
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("asked", ["egl", ""])
 @pytest.mark.parametrize("device", ["", "0,1", "GPU-8f3a", "MIG-8f3a", "-1", "7000", "0x0", "one"])
 def test_a_device_that_is_none_is_the_one_cause_that_is_named(device: str, asked: str) -> None:

@@ -85,6 +85,7 @@ def clean() -> str:
     return ran("-c", IMAGES + "print(seen())", env=HEADLESS, timeout=120).stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", BEFORE)
 def test_images_are_the_same_to_the_bit_whatever_another_library_did(
     clean: str, before: str
@@ -185,6 +186,7 @@ def is_gone(number: int) -> bool:
     return False
 
 
+@pytest.mark.slow
 def test_a_child_that_hangs_ends_in_an_error_and_the_next_image_comes_from_another() -> None:
     with started(
         """

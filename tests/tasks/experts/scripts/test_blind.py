@@ -33,7 +33,7 @@ def commands(bench: TaskHarness, board: str) -> Iterator[np.ndarray]:
         yield bench.sim.duo.command().flat
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_does_the_same_whatever_the_maze_is(bench: TaskHarness) -> None:
     one, other = (list(commands(bench, board)) for board in ("0", "5"))
     assert len(one) <= TASK.horizon
