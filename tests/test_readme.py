@@ -34,7 +34,11 @@ def shell_lines(page: Path) -> list[str]:
     return [line for line in lines if line.startswith("duobench ")]
 
 
-PLAYED = [(page, line) for page in (README, INSTALL, COMMANDS) for line in shell_lines(page)]
+PLAYED = [
+    pytest.param(page, line, marks=pytest.mark.long if page is COMMANDS else pytest.mark.slow)
+    for page in (README, INSTALL, COMMANDS)
+    for line in shell_lines(page)
+]
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +89,6 @@ def test_every_command_is_known(page: Path) -> None:
     assert set(modules(page).values()) == set(blocks(page, "python"))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("page", "line"), PLAYED)
 def test_command_runs(
     page: Path,

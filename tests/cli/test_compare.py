@@ -53,7 +53,7 @@ def verified(out: Path) -> dict[str, tuple[str, str]]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_forged_record_a_bundle_and_what_cannot_be_played_have_their_words(
     run: Path, told: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:

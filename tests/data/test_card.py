@@ -92,12 +92,17 @@ def test_recordings_of_a_task_are_a_table_for_the_hub(two_tasks: DataSet) -> Non
     ("changes", "per_task", "learns"),
     [
         ({}, False, ["--data", "data", "--tasks", "bin_sort"]),
-        ({}, True, ["--data", "data/bin_sort"]),
-        ({"tasks": ("bin_sort",)}, False, ["--data", "data"]),
-        ({"cameras": (), "object_state": True}, True, ["--data", "data/bin_sort"]),
-        ({"cameras": ()}, False, None),
-        ({"format": "v2.1"}, False, None),
-        ({"state": ("joint_velocity",)}, False, None),
+        pytest.param({}, True, ["--data", "data/bin_sort"], marks=pytest.mark.long),
+        pytest.param({"tasks": ("bin_sort",)}, False, ["--data", "data"], marks=pytest.mark.long),
+        pytest.param(
+            {"cameras": (), "object_state": True},
+            True,
+            ["--data", "data/bin_sort"],
+            marks=pytest.mark.long,
+        ),
+        pytest.param({"cameras": ()}, False, None, marks=pytest.mark.long),
+        pytest.param({"format": "v2.1"}, False, None, marks=pytest.mark.long),
+        pytest.param({"state": ("joint_velocity",)}, False, None, marks=pytest.mark.long),
     ],
 )
 def test_an_export_is_loaded_and_trained_as_its_card_says(

@@ -181,7 +181,7 @@ def test_joint_labels_are_played_as_they_are(exports: Path) -> None:
     assert np.array_equal(to_actions(data.labels), np.float32(recording.action))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("example")
 def test_what_cannot_be_learned_from_is_refused_with_what_to_export(exports: Path) -> None:
     import network  # pyright: ignore[reportMissingImports]

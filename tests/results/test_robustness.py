@@ -51,7 +51,7 @@ def test_conditions_are_told_by_their_records(played: RunFolder) -> None:
     assert result.score.episodes == 4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_page_and_document_have_the_numbers(played: RunFolder) -> None:
     played.record(read(played).parts[1].records[4].key).unlink()
     write_report(played)

@@ -169,7 +169,7 @@ def test_the_number_of_a_device_may_have_spaces_around_it() -> None:
     assert described(**{ASKED: "egl", DEVICE: " 0 "}) == ""
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "variables",
     [

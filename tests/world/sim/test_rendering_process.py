@@ -72,6 +72,7 @@ for name in ("libGL.so.1", "libEGL.so.1", "libOpenGL.so.0"):
 """,
 }
 """What somebody else does with OpenGL before the first image."""
+COMMON = ("a renderer that found no display", "a renderer that works")
 HEADLESS = {
     name: value
     for name, value in os.environ.items()
@@ -85,8 +86,13 @@ def clean() -> str:
     return ran("-c", IMAGES + "print(seen())", env=HEADLESS, timeout=120).stdout
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("before", BEFORE)
+@pytest.mark.parametrize(
+    "before",
+    [
+        pytest.param(before, marks=pytest.mark.slow if before in COMMON else pytest.mark.long)
+        for before in BEFORE
+    ],
+)
 def test_images_are_the_same_to_the_bit_whatever_another_library_did(
     clean: str, before: str
 ) -> None:
