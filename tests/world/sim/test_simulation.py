@@ -230,7 +230,9 @@ def test_a_height_lies_between_its_bounds() -> None:
             sim.place(name, SE3.at(0.3 * x, 0.0, 0.3) @ SE3.about((1.0, 0.4, 0.2), tilt))
         sim.forward()
         for name in props:
-            lowest, highest = sim.height_bounds(name)
+            bounds = sim.height_bounds(name)
+            assert bounds is not None
+            lowest, highest = bounds
             assert lowest - CLEARLY < sim.min_height(name) < highest + CLEARLY
             assert highest - lowest < 0.1
 

@@ -464,7 +464,7 @@ class Simulation(Questions):
             found = self._rows[props] = _slice_of(bodies), _slice_of(places)
         return found
 
-    def height_bounds(self, prop: str) -> tuple[float, float]:
+    def height_bounds(self, prop: str) -> tuple[float, float] | None:
         """Bounds as in `Questions`: of the box around the corners, and one corner's height."""
         row, (cx, cy, cz), (half_x, half_y, half_z), (a, b, c) = self._boxes[prop]
         x, y, z = self._xmat[row, 6:].tolist()
