@@ -11,10 +11,18 @@ import pytest
 
 from duobench.core.errors import TaskError
 from duobench.core.spatial import SE3
-from duobench.core.types import CONTROL_HZ
+from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.tasks.stages.logic import AllOf, Predicate, StateView, held_for, since
-from duobench.tasks.stages.predicates import at_least, raised, variant
+from duobench.tasks.stages.predicates import (
+    at_least,
+    grasped,
+    raised,
+    released,
+    touching,
+    variant,
+)
 from duobench.tasks.stages.progress import LOST_SECONDS, Progress, Stage, check_names
+from duobench.world.scene.naming import TABLE
 from duobench.world.sim.duo import HOME
 from duobench.world.sim.simulation import Simulation
 from tests.tasks.stages.bench import Bench
@@ -145,6 +153,58 @@ def test_what_combines_is_asked_anew_only_where_something_looks_different(bench:
     progress.set_state(progress.get_state(), {})
     bench.play(progress, "a")
     assert len(asked) == 3
+
+
+def test_what_flickers_is_judged_as_it_was_the_last_time(bench: Bench) -> None:
+    a, b = bench.fact("a"), bench.fact("b")
+    asked: list[str] = []
+
+    def either(state: StateView) -> bool:
+        asked.append("either")
+        return a.ask(state) and b.ask(state)
+
+    whole = AllOf("a and b", either, (a, b), looks=False)
+    clocks = held_for(a, 0.1), held_for(b, 0.2, reset=a & b)
+    progress = bench.begin(whole & clocks[0] & clocks[1])
+    bench.play(progress, "a", "", "a", "", "", "a", "a", "")
+    assert len(asked) == 2
+    assert progress.get_state().lasted == (0, 0)
+    bench.play(progress, "a", "a")
+    assert progress.get_state().lasted == (2, 0)
+
+
+def test_contacts_are_compared_before_anything_is_asked(sim: Simulation) -> None:
+    asked: list[bool] = []
+
+    def counted(predicate: Predicate) -> Predicate:
+        def test(state: StateView) -> bool:
+            asked.append(predicate.test(state))
+            return asked[-1]
+
+        return replace(predicate, test=test)
+
+    lies = counted(touching("cube", TABLE))
+    held = [counted(grasped(side, "cube")) for side in SIDES]
+    free = counted(released("cube"))
+    stages = (
+        Stage(name="held", instruction="", holds=held[0] | (held[1] & lies)),
+        Stage(name="up", instruction="", holds=held_for(~lies & free, 0.1) & ~free),
+    )
+    progress, other = Progress(stages), Progress(stages)
+    sim.reset_data()
+    progress.reset(sim, {})
+    answers: list[int] = []
+    for height in (0.016, 0.016, 0.3, 0.016, 0.3, 0.3, 0.3, 0.3, 0.016):
+        sim.place("cube", SE3.at(0.5, 0.0, height))
+        sim.forward()
+        other.set_state(progress.get_state(), {})
+        other.update(sim)
+        asked.clear()
+        progress.update(sim)
+        answers.append(len(asked))
+        assert progress.get_state() == other.get_state()
+    assert answers[1] == answers[3] == answers[4] == 0
+    assert answers[0] > 0
 
 
 def test_two_episodes_at_once_do_not_share_memory(bench: Bench) -> None:

@@ -15,7 +15,8 @@ from duobench.world.objects.blocks import RED, cube
 from duobench.world.objects.cup import cup
 from duobench.world.objects.prop import Prop
 from duobench.world.sim.duo import HOME
-from duobench.world.sim.simulation import MAX_SETTLE_STEPS, OUTSIDE, Simulation
+from duobench.world.sim.questions import CLEARLY
+from duobench.world.sim.simulation import MAX_SETTLE_STEPS, Simulation
 from tests.world.sim.props import EDGE, LID, REST, scene
 
 
@@ -195,38 +196,45 @@ def test_what_moves_along_with_a_turning_prop_is_at_rest_on_it(
     assert sim.relative_speed("cube", "chest") == pytest.approx(sim.speed("cube")[0])
 
 
-def test_many_props_are_asked_at_once_to_the_same_bits(sim: Simulation) -> None:
+def test_many_props_are_looked_at_together_as_each_one_alone(sim: Simulation) -> None:
     names = "cube", "slab"
     cylinder = {"radius": 0.3, "low": -0.2, "high": 0.25}
     falling(sim)
     seen = set[bool]()
+    slow = set[bool]()
     for number in range(20):
         sim.step(busy(number))
         for frame in ("chest", *names):
             alone = [sim.relative_position(name, frame) for name in names]
-            inside = sim.positions_inside(names, frame, **cylinder)
-            for one, many in zip(alone, inside, strict=True):
-                is_in = math.hypot(*one[:2]) <= 0.3 and -0.2 <= one[2] <= 0.25
-                assert many == (one if is_in else OUTSIDE)
-                seen.add(is_in)
-            speeds = sim.relative_speeds(names, frame, alone)
-            assert speeds == [sim.relative_speed(name, frame) for name in names]
-    assert seen == {True, False}
+            inside = {
+                number: z
+                for number, (x, y, z) in enumerate(alone)
+                if math.hypot(x, y) <= 0.3 and -0.2 <= z <= 0.25
+            }
+            assert sim.heights_inside(names, frame, **cylinder) == inside
+            seen.add(len(inside) == 2)
+            speeds = [sim.relative_speed(name, frame) for name in names]
+            within = max(math.hypot(*one) for one in alone)
+            limit = 0.05 * number
+            clearly = sim.are_slower(names, frame, limit, within=within)
+            assert not clearly or max(speeds) < limit
+            slow.add(clearly)
+    assert seen == slow == {True, False}
 
 
-def test_a_bound_of_a_height_is_on_its_side_of_the_limit() -> None:
-    sim = Simulation([Prop(name="cup", solid=lambda: cup((1.0, 1.0, 1.0, 1.0)))])
-    known = set[bool]()
+def test_a_height_lies_between_its_bounds() -> None:
+    props = {"cup": cup((1.0, 1.0, 1.0, 1.0)), "cube": cube(RED)}
+    sim = Simulation([Prop(name=name, solid=solid) for name, solid in props.items()])
     for tilt in np.linspace(0.0, math.pi, 20):
-        sim.place("cup", SE3.at(0.5, 0.0, 0.3) @ SE3.about((1.0, 0.4, 0.2), tilt))
+        for x, name in enumerate(props):
+            sim.place(name, SE3.at(0.3 * x, 0.0, 0.3) @ SE3.about((1.0, 0.4, 0.2), tilt))
         sim.forward()
-        lowest = sim.min_height("cup")
-        for away in (-0.1, -0.01, -1e-6, 0.0, 1e-6, 0.01, 0.1):
-            bound = sim.height_bound("cup", lowest + away)
-            known.add(bound is not None)
-            assert bound is None or (bound < lowest + away) == (away > 0.0)
-        assert sim.height_bound("cup", lowest) is None
-    assert known == {True, False}
+        for name in props:
+            bounds = sim.height_bounds(name)
+            assert bounds is not None
+            lowest, highest = bounds
+            assert lowest - CLEARLY < sim.min_height(name) < highest + CLEARLY
+            assert highest - lowest < 0.1
 
 
 def test_the_angle_of_a_hinge(sim: Simulation) -> None:

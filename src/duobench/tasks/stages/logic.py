@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, Self, TypeVar, cast
 
 from duobench.core.errors import TaskError
 from duobench.core.types import CONTROL_HZ
+from duobench.world.sim.contacts import Touch
+from duobench.world.sim.questions import CLEARLY
 
 if TYPE_CHECKING:
     from duobench.world.sim.simulation import Simulation
@@ -62,11 +64,11 @@ class StepClock:
     reset: Predicate | None = None
     """Predicate that sets it back to 0; None is every step at which `of` does not hold."""
 
-    def after(self, state: StateView, count: int) -> int:
-        """The count after a step, from that before it."""
+    def counts(self, state: StateView) -> bool | None:
+        """Whether it counts a step; None for one that sets it back to 0."""
         if self.reset is None:
-            return count + 1 if self.of.ask(state) else 0
-        return 0 if self.reset.ask(state) else count + self.of.ask(state)
+            return True if self.of.ask(state) else None
+        return None if self.reset.ask(state) else self.of.ask(state)
 
 
 @dataclass(kw_only=True, slots=True, eq=False)
@@ -119,11 +121,13 @@ class StateView:
 
     def height_near(self, prop: str, limit: float) -> float:
         """`min_height`, or a bound of it that is clearly on the same side of a limit."""
-        if prop not in self._found:
-            bound = self.simulation.height_bound(prop, limit)
-            if bound is not None:
-                return bound
-        return self.min_height(prop)
+        bounds = self.once((prop,), lambda sim: sim.height_bounds(prop))
+        if bounds is None or prop in self._found:
+            return self.min_height(prop)
+        lowest, highest = bounds
+        if highest < limit - CLEARLY:
+            return highest
+        return lowest if lowest > limit + CLEARLY else self.min_height(prop)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,6 +152,8 @@ class Predicate:
     looks: bool = field(default=True, repr=False)
     """Whether `test` reads the simulation or a clock, so that its value may change while layout,
     memory and the values of all parts stay the same."""
+    touch: Touch | None = field(default=None, repr=False)
+    """Contacts on which its value depends, if it is about some."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """Same as calling the predicate, as a plain function, which Python calls in half the time."""
 

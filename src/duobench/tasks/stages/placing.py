@@ -27,6 +27,7 @@ from duobench.tasks.stages.predicates import (
     released,
     still,
 )
+from duobench.world.scene.naming import TABLE
 
 PUT_HEIGHT = 0.012
 """How high above what it is to stand on the lowest point of an object may be when it is let go, in
@@ -58,6 +59,8 @@ def low_over(
     check_metres("A height of `low_over`", top, height)
 
     def level(state: StateView) -> float:
+        if body == TABLE:
+            return top
         sim = state.simulation
         x, y, _ = state.relative_position(prop, body)
         up_x, up_y, up_z = sim.axes(body)[6:]

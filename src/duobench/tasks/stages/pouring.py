@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 
 from duobench.tasks.stages.logic import (
     Predicate,
@@ -15,7 +14,6 @@ from duobench.tasks.stages.logic import (
 )
 from duobench.tasks.stages.predicates import (
     CylinderRegion,
-    Point,
     inside,
     touching,
     upright,
@@ -70,6 +68,7 @@ def pouring(
         low=floor,
         high=rim,
     )
+    reach = math.hypot(radius, (floor + rim) / 2)
     lower = replace(hollow, high=(floor + rim) / 2)
     things = tuple(things)
     within = [inside(thing, hollow) for thing in things]
@@ -77,34 +76,40 @@ def pouring(
     low = [inside(thing, lower) for thing in things]
     lying = [part & other for part, other in zip(low, slow, strict=True)]
 
-    def positions(state: StateView) -> list[Point]:
+    def heights(state: StateView) -> dict[int, float]:
         return state.once(
-            positions,
-            lambda sim: sim.positions_inside(
+            heights,
+            lambda sim: sim.heights_inside(
                 things, vessel, radius=radius, low=floor, high=rim
             ),
         )
 
-    def are_within(state: StateView) -> list[bool]:
-        return [height <= rim for _, _, height in positions(state)]
-
-    def are_low(state: StateView) -> list[bool]:
-        return [height <= lower.high for _, _, height in positions(state)]
+    def numbers_low(state: StateView) -> list[int]:
+        return [number for number, up in heights(state).items() if up <= lower.high]
 
     def any_within(state: StateView) -> bool:
-        return within[0].test(state) or any(are_within(state))
+        return within[0].test(state) or len(heights(state)) > 0
 
     def each_within(state: StateView) -> bool:
-        return within[0].test(state) and all(are_within(state))
+        return len(heights(state)) == len(things)
 
     def any_lies(state: StateView) -> bool:
-        return any(part.test(state) for part in compress(slow, are_low(state)))
+        numbers = numbers_low(state)
+        if len(numbers) == len(things) and are_slow(state):
+            return True
+        return any(slow[number].test(state) for number in numbers)
 
     def each_lies(state: StateView) -> bool:
-        if not low[0].test(state) or not all(are_low(state)):
-            return False
-        speeds = state.simulation.relative_speeds(things, vessel, positions(state))
-        return max(speeds) < LYING_SPEED
+        return len(numbers_low(state)) == len(things) and are_slow(state)
+
+    def are_slow(state: StateView) -> bool:
+        return state.once(
+            are_slow,
+            lambda sim: (
+                sim.are_slower(things, vessel, LYING_SPEED, within=reach)
+                or all(part.test(state) for part in slow)
+            ),
+        )
 
     def count(state: StateView) -> str:
         return (

@@ -22,6 +22,7 @@ from duobench.tasks.stages.logic import (
 )
 from duobench.world.objects.prop import MOST_TURNED
 from duobench.world.scene.naming import TABLE
+from duobench.world.sim.contacts import Touch, arm_owners, gripper_owners
 
 Point = tuple[float, float, float]
 HALF_TURN = 3.15
@@ -81,6 +82,7 @@ def touches(arm: Side, body: str) -> Predicate:
     return leaf(
         f"{arm} touches {body}",
         lambda state: state.simulation.contacts.gripper(arm, body),
+        touch=Touch(body, gripper_owners(arm), is_all=True),
         off=_reach(arm, body),
         otherwise=lambda _state: f"{arm} does not touch {body}",
     )
@@ -92,6 +94,7 @@ def arm_touches(arm: Side, body: str) -> Predicate:
     return leaf(
         f"{arm} arm touches {body}",
         lambda state: state.simulation.contacts.arm(arm, body),
+        touch=Touch(body, arm_owners(arm), is_all=True),
         off=_reach(arm, body),
         otherwise=lambda _state: f"{arm} arm does not touch {body}",
     )
@@ -103,6 +106,7 @@ def grasped(arm: Side, body: str) -> Predicate:
     return leaf(
         f"{arm} grasps {body}",
         lambda state: state.simulation.contacts.grasped(arm, body),
+        touch=Touch(body, gripper_owners(arm)),
         off=_reach(arm, body),
         otherwise=lambda _state: f"{arm} does not grasp {body}",
     )
@@ -125,7 +129,10 @@ def supports(arm: Side, lid: str) -> Predicate:
         return sim.contacts.pushes(arm, lid, lambda: sim.hinge_axis(lid))
 
     whole = grasped(arm, lid) | leaf(
-        f"{arm} pushes {lid} open", pushes, off=_reach(arm, lid)
+        f"{arm} pushes {lid} open",
+        pushes,
+        touch=Touch(lid, arm_owners(arm)),
+        off=_reach(arm, lid),
     )
     return whole.called(
         f"{arm} supports {lid}",
@@ -253,6 +260,7 @@ def released(body: str) -> Predicate:
     return leaf(
         f"{body} is released",
         lambda state: state.simulation.contacts.released(body),
+        touch=Touch(body, gripper_owners(*SIDES), is_all=True),
         otherwise=lambda state: (
             f"{' and '.join(touching_it(state))} still touches {body}"
         ),
@@ -390,6 +398,7 @@ def touching(body: str, other: str) -> Predicate:
     return leaf(
         f"{body} touches {other}",
         lambda state: state.simulation.contacts.between(body, other),
+        touch=Touch(body, (other,), is_all=True),
         otherwise=lambda _state: f"{body} does not touch {other}",
     )
 

@@ -26,6 +26,7 @@ from duobench.tasks.stages.nearness import Nearness
 from duobench.tasks.stages.predicates import VariantIs
 
 if TYPE_CHECKING:
+    from duobench.world.sim.contacts import Pair
     from duobench.world.sim.simulation import Simulation
 
 
@@ -61,6 +62,8 @@ LOST_SECONDS = 0.5
 and contacts that flicker take less."""
 LOST_STEPS = round(LOST_SECONDS * CONTROL_HZ)
 """The same in control steps."""
+JUDGEMENTS = 2
+"""How many different judgements are kept for steps that come to the same: a contact flickers."""
 
 
 def sinces_in(predicates: Iterable[Predicate]) -> list[Since]:
@@ -121,14 +124,28 @@ class ProgressState:
 class _Judgement:
     """A step that reached nothing new, and changed nothing of what is remembered.
 
-    The next step comes to the same where all that was looked at is as it was: predicates are pure.
+    A later one comes to the same where all that was looked at is as it was, as long as stage and
+    memories are the same: predicates are pure.
     """
 
+    pairs: tuple[Pair, ...]
+    """Owners of contacts that were all that some predicates looked at."""
+    touching: list[bool]
+    """Whether each of these pairs touched."""
+    told: Mapping[Predicate, bool]
+    """Values of these predicates."""
+    waits: tuple[tuple[StepClock, int], ...]
+    """Clocks that were looked at, and counts that were waited for."""
+    over: list[bool]
+    """Whether each of these was reached."""
     seen: tuple[tuple[Predicate, bool], ...]
-    """Predicates that looked at the step, in the order in which they were asked, and their
+    """Other predicates that looked at the step, in the order in which they were asked, and their
     values."""
     running: tuple[StepClock, ...]
-    """The clocks that it counted for; each other one has stayed as it was, or is at 0."""
+    """Clocks that it counted for."""
+    cleared: Mapping[StepClock, int]
+    """Clocks that it set back, and 0 for each; all others have stayed as they were."""
+    final_holds: bool
     stayed: tuple[bool, ...]
     """Whether the lasting part of each reached stage has stayed."""
 
@@ -222,7 +239,8 @@ class Progress:
         self._explained: list[Since] | None = None
         self._past: dict[Memory, str] = {}
         self._judged: StateView | None = None
-        self._last: _Judgement | None = None
+        self._recent: list[_Judgement] = []
+        """Different ones with this stage and these memories, the last one first."""
 
     def explain(self, on: bool = True) -> None:
         """Be able to say in `unmet` why the next stage is not reached.
@@ -233,7 +251,7 @@ class Progress:
         self._explained = sinces_in(constraints) if on else None
         self._past = {}
         self._judged = None
-        self._last = None
+        self._recent.clear()
 
     @property
     def unmet(self) -> Words:
@@ -269,7 +287,7 @@ class Progress:
         """
         if self.success:
             return 0.0
-        state = self._view(simulation, self._lasted, {})
+        state = self._view(simulation)
         measure = Nearness(
             state, lambda predicate: predicate.ask(state), self._lasted.__getitem__
         )
@@ -293,7 +311,7 @@ class Progress:
         self._lost = [0] * self.max_stage
         self._past = {}
         self._judged = None
-        self._last = None
+        self._recent.clear()
 
     def get_state(self) -> ProgressState:
         """All that the next judgement depends on, beside the simulation and the layout."""
@@ -325,56 +343,69 @@ class Progress:
         self.stage, self.final_holds = state.stage, state.final_holds
         self._past = {}
         self._judged = None
-        self._last = None
+        self._recent.clear()
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        answers: dict[Predicate, bool] = {}
-        if self._last is not None and self._is_repeated(
-            self._last, simulation, answers
-        ):
-            stayed = self._last.stayed
+        state = self._view(simulation)
+        for number, judgement in enumerate(self._recent):
+            if self._is_repeated(judgement, state):
+                if number > 0:
+                    self._recent.insert(0, self._recent.pop(number))
+                stayed = judgement.stayed
+                break
         else:
-            stayed = self._judge(self._view(simulation, self._lasted, answers))
+            stayed = self._judge(state)
         self._lost[: self.stage] = [
             0 if stays else lost + 1
             for stays, lost in zip(stayed, self._lost, strict=False)
         ]
         return self.stage
 
-    def _is_repeated(
-        self, last: _Judgement, simulation: Simulation, answers: dict[Predicate, bool]
-    ) -> bool:
-        """Whether this step comes to the same as the last one; if so, clocks have counted it.
+    def _is_repeated(self, earlier: _Judgement, state: StateView) -> bool:
+        """Whether this step comes to the same as an earlier one; if so, clocks have counted it.
 
         Supposed that it does, clocks count so: what they say is among what is looked at then. Up to
         the first answer that differs all is as it is without that, since a clock is asked after it
         has counted.
 
         Args:
-            last: The last step.
-            simulation: As it is now.
-            answers: Gets the answers about this step so far.
+            earlier: The earlier step.
+            state: This one; it gets the answers about it so far.
         """
-        lasted = self._lasted.copy()
-        for clock in last.running:
+        if state.simulation.contacts.are_touching(earlier.pairs) != earlier.touching:
+            return False
+        lasted = {**self._lasted, **earlier.cleared}
+        for clock in earlier.running:
             lasted[clock] += 1
-        state = self._view(simulation, lasted, answers)
-        for predicate, answer in last.seen:
-            now = answers[predicate] = predicate.test(state)
+        if [lasted[clock] >= count for clock, count in earlier.waits] != earlier.over:
+            return False
+        state.lasted = lasted
+        answers = state.answers
+        for predicate, answer in earlier.seen:
+            now = answers.get(predicate)
+            if now is None:
+                now = answers[predicate] = predicate.test(state)
             if now != answer:
+                answers.update(earlier.told)
                 return False
         self._lasted = lasted
+        self.final_holds = earlier.final_holds
         return True
 
     def _judge(self, state: StateView) -> tuple[bool, ...]:
         """Ask all that matters at a step; return what stays of each stage that is reached."""
         before = self.stage, self._remembered
+        state.lasted = self._lasted
         running: list[StepClock] = []
-        for clock, count in self._lasted.items():
-            self._lasted[clock] = clock.after(state, count)
-            if self._lasted[clock] > count:
+        cleared: dict[StepClock, int] = {}
+        for clock in self._clocks:
+            counts = clock.counts(state)
+            if counts:
+                self._lasted[clock] += 1
                 running.append(clock)
+            elif counts is None:
+                self._lasted[clock] = cleared[clock] = 0
         self.final_holds = self._stages[-1].holds(state)
         # Stages never fall, so only higher ones are asked, and the highest that holds counts.
         for number in range(self.max_stage, self.stage, -1):
@@ -384,28 +415,64 @@ class Progress:
         stays = (stage.stays for stage in self._stages[: self.stage])
         stayed = tuple(part is None or part.ask(state) for part in stays)
         self._remembered = recalled(self._memories, state)
-        self._last = None
+        if (self.stage, self._remembered) != before:
+            self._recent.clear()
+        elif self._explained is None:
+            judgement = self._recorded(state, running, cleared, stayed)
+            self._recent = [judgement, *self._recent[: JUDGEMENTS - 1]]
         if self._explained is not None:
             self._explain(self._explained, state)
-        elif (self.stage, self._remembered) == before:
-            seen = tuple(each for each in state.answers.items() if each[0].looks)
-            self._last = _Judgement(seen=seen, running=tuple(running), stayed=stayed)
         return stayed
 
-    def _view(
+    def _recorded(
         self,
-        simulation: Simulation,
-        lasted: Mapping[StepClock, int],
-        answers: dict[Predicate, bool],
-    ) -> StateView:
+        state: StateView,
+        running: list[StepClock],
+        cleared: dict[StepClock, int],
+        stayed: tuple[bool, ...],
+    ) -> _Judgement:
+        contacts = state.simulation.contacts
+        pairs: list[Pair] = []
+        told: dict[Predicate, bool] = {}
+        waits: list[tuple[StepClock, int]] = []
+        over: list[bool] = []
+        seen: list[tuple[Predicate, bool]] = []
+        for predicate, answer in state.answers.items():
+            if not predicate.looks:
+                continue
+            touch = predicate.touch
+            if isinstance(predicate, HeldFor):
+                waits.append((predicate.clock, predicate.steps))
+                over.append(answer)
+                continue
+            if touch is not None:
+                pair = contacts.pair(touch)
+                if touch.is_all or not contacts.are_touching([pair])[0]:
+                    pairs.append(pair)
+                    told[predicate] = answer
+                    continue
+            seen.append((predicate, answer))
+        return _Judgement(
+            pairs=tuple(pairs),
+            touching=contacts.are_touching(pairs),
+            told=told,
+            waits=tuple(waits),
+            over=over,
+            seen=tuple(seen),
+            running=tuple(running),
+            cleared=cleared,
+            final_holds=self.final_holds,
+            stayed=stayed,
+        )
+
+    def _view(self, simulation: Simulation) -> StateView:
         return StateView(
             simulation=simulation,
             start_heights=self._start_heights,
             variants=self._variants,
             remembered=self._remembered,
-            lasted=lasted,
+            lasted=self._lasted,
             past=self._past,
-            answers=answers,
         )
 
     def _explain(self, sinces: Iterable[Since], state: StateView) -> None:

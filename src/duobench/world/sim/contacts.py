@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from duobench.core.errors import Named
-from duobench.core.spatial import dot, length
+from duobench.core.spatial import dot, length, sum_of_products
 from duobench.core.types import SIDES, Side
 from duobench.world.robot.gripper import GRIPPER
 from duobench.world.scene.naming import gripper_name, pad_names
@@ -62,6 +62,10 @@ class HingeAxis(NamedTuple):
         return ay * z - az * y, az * x - ax * z, ax * y - ay * x
 
 
+Pair = tuple[int, int]
+"""An owner, by row, and a group of others."""
+
+
 class Limb(StrEnum):
     """The parts of an arm that contacts tell apart."""
 
@@ -74,6 +78,31 @@ class Limb(StrEnum):
 def limb_owner(side: Side, limb: Limb) -> str:
     """Name of an owner that is a part of the robot."""
     return f"{side}/{limb}"
+
+
+def gripper_owners(*sides: Side) -> tuple[str, ...]:
+    """Names of the parts of grippers."""
+    return tuple(
+        limb_owner(side, limb)
+        for side in sides
+        for limb in Limb
+        if limb is not Limb.ARM
+    )
+
+
+def arm_owners(side: Side) -> tuple[str, ...]:
+    """Names of all parts of an arm."""
+    return tuple(limb_owner(side, limb) for limb in Limb)
+
+
+class Touch(NamedTuple):
+    """Contacts on which the answer to a question depends."""
+
+    owner: str
+    others: tuple[str, ...]
+    """Other owners: while none of them touches the first one, the answer is always the same."""
+    is_all: bool = False
+    """Whether it also is while one of them does, since nothing else is asked."""
 
 
 _FINGERS = dict(
@@ -171,6 +200,7 @@ class Contacts(ContactOwners):
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
         """Answers of `grasped` since the last update; several questions ask the same."""
+        self._pairs_of: dict[Touch, Pair] = {}
         self._solved = False
         """Whether contacts have forces: the engine finds contacts first."""
         self._pad_centres = data.xipos
@@ -206,6 +236,19 @@ class Contacts(ContactOwners):
         self._grasped.clear()
         self._solved = False
 
+    def pair(self, touch: Touch) -> Pair:
+        """The owners of a touch, as `are_touching` takes them."""
+        found = self._pairs_of.get(touch)
+        if found is None:
+            group = self._group([self._index[other] for other in touch.others])
+            found = self._pairs_of[touch] = self._index[touch.owner], group
+        return found
+
+    def are_touching(self, pairs: Iterable[Pair]) -> list[bool]:
+        """Whether the first owner of each pair is in contact with one of the others."""
+        partners = self._partners
+        return [partners[row] & group != 0 for row, group in pairs]
+
     def partners(self, owner: str) -> frozenset[str]:
         """All owners in contact with one."""
         return frozenset(name for name in self._index if self.between(owner, name))
@@ -222,15 +265,15 @@ class Contacts(ContactOwners):
         """
         if not self.arm(side, owner):
             return False
-        contact, axis = self._data.contact, hinge()
-        return any(
-            sign
-            * dot(
-                contact.frame[number, :3], axis.opening_at(contact.pos[number].tolist())
-            )
-            >= MIN_LEVER
-            for number, sign in self._normals(self._limbs[side], self._index[owner])
-        )
+        frames = self._all_frames()
+        points = self._data.contact.pos
+        axis = hinge()
+        for number, sign in self._normals(self._limbs[side], self._index[owner]):
+            opening = axis.opening_at(points[number].tolist())
+            lever = sum_of_products(frames[number, :3].tolist(), opening)
+            if sign * lever >= MIN_LEVER:
+                return True
+        return False
 
     def moment(
         self,
@@ -272,7 +315,7 @@ class Contacts(ContactOwners):
 
     def _normals(self, parts: list[int], row: int) -> Iterator[tuple[int, float]]:
         """Contacts of parts of the robot with an owner, and the sign of the normal towards it."""
-        both = [self._single[row] | self._single[part] for part in parts]
+        both = {self._single[row] | self._single[part] for part in parts}
         for number, touching in enumerate(self._touching):
             if touching in both:
                 # The engine's normal points from the first geom to the second.
@@ -343,8 +386,6 @@ class Contacts(ContactOwners):
         z = right_z - left_z
         far = math.sqrt(x * x + y * y + z * z)
         x, y, z = x / far, y / far, z / far
-        if self._frames is None:
-            self._frames = self._data.contact.frame
         return self._presses(one, row, x, y, z) and self._presses(
             other, row, -x, -y, -z
         )
@@ -359,16 +400,27 @@ class Contacts(ContactOwners):
     ) -> bool:
         """Whether a contact of a finger with an owner pushes it along a unit vector."""
         pair = self._single[finger] | self._single[row]
-        for number, touching in enumerate(self._touching):
-            if touching == pair:
-                a, b, c = self._frames[number, :3].tolist()
-                push = a * x + b * y + c * z
-                # The engine's normal points from the first geom to the second.
-                if self._owners[self._pairs[number][1]] != row:
-                    push = -push
-                if push > MIN_PRESS_COSINE:
-                    return True
-        return False
+        touching = self._touching
+        frames = self._all_frames()
+        number = -1
+        while True:
+            try:
+                number = touching.index(pair, number + 1)
+            except ValueError:
+                return False
+            a, b, c = frames[number, :3].tolist()
+            push = a * x + b * y + c * z
+            # The engine's normal points from the first geom to the second.
+            if self._owners[self._pairs[number][1]] != row:
+                push = -push
+            if push > MIN_PRESS_COSINE:
+                return True
+
+    def _all_frames(self) -> Any:
+        """Frames (n, 9) of all contacts, read once for each state."""
+        if self._frames is None:
+            self._frames = self._data.contact.frame
+        return self._frames
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     import mujoco
 
 
+CLEARLY = 1e-9
+"""Difference of two heights in metres that no rounding makes up for."""
+
+
 class Questions(ABC):
     """The questions; a subclass has the engine's arrays, and says how a row is read."""
 
@@ -166,6 +170,6 @@ class Questions(ABC):
         ]  # the vertical in the prop's frame
         return self._lowest(prop, x, y, z) + self.origin(prop)[2]
 
-    def height_bound(self, prop: str, limit: float) -> float | None:  # noqa: ARG002
-        """A number that is clearly on the same side of a limit as `min_height`, if known."""
+    def height_bounds(self, prop: str) -> tuple[float, float] | None:  # noqa: ARG002
+        """Two numbers between which `min_height` is, up to `CLEARLY`, where they are cheap."""
         return None

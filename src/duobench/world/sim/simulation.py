@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import repeat
 from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.core.errors import DuoBenchError, LayoutError, SimulationError
 from duobench.core.spatial import SE3
@@ -17,7 +17,7 @@ from duobench.world.scene.compose import compose
 from duobench.world.sim.contacts import Contacts
 from duobench.world.sim.duo import HOME, Duo, resolve
 from duobench.world.sim.layout import Layout
-from duobench.world.sim.questions import Questions
+from duobench.world.sim.questions import CLEARLY, Questions
 
 _CHANGED = (
     "body_mass",
@@ -100,11 +100,7 @@ MAX_SETTLE_STEPS = 45
 
 FEW_CORNERS = 24
 """Up to so many points a loop over floats finds the lowest one faster than arrays do."""
-Rows = NDArray[np.int_]
-Point = tuple[float, float, float]
-OUTSIDE: Point = (math.nan, math.nan, math.nan)
-CLEARLY = 1e-9
-"""Difference of two heights in metres that no rounding makes up for."""
+Rows = list[int] | slice
 SOLVED = 0.1
 """Forces (N, N m) that may be missing in a step that counts as solved. Of 670,000 steps of cups in
 shaking hands 21 missed more than 0.4, and all others less than 0.01."""
@@ -127,6 +123,12 @@ def raise_on_warning(counts: Iterable[int], where: str) -> None:
             f"The physics engine warned {where}: {', '.join(names)}. The episode is not valid; "
             "reset the environment."
         )
+
+
+def _slice_of(rows: list[int]) -> Rows:
+    """The same rows as a slice, which is read faster, if they are one after another."""
+    span = range(rows[0], rows[0] + len(rows))
+    return slice(span.start, span.stop) if rows == list(span) else rows
 
 
 class Simulation(Questions):
@@ -153,7 +155,7 @@ class Simulation(Questions):
         self.contacts = Contacts(self.model, self.data)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
-        self._rows: dict[tuple[str, ...], tuple[Rows, Rows | None]] = {}
+        self._rows: dict[tuple[str, ...], tuple[Rows, Rows]] = {}
         self._few = {
             name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS
         }
@@ -165,10 +167,9 @@ class Simulation(Questions):
                 c[:, c[2].argmin()].tolist(),
             )
             for name, c in corners
-            if name not in self._few
         }
         """Body, middle and half size of the box around the corners, and the lowest corner while it
-        stands, of each other prop."""
+        stands, of each prop."""
         self._state_size = mujoco.mj_stateSize(self.model, STATE)
         # Degrees of freedom of the props, hinges included, and what counts as rest for each.
         roots = [self._bodies[name] for name in self.props]
@@ -382,7 +383,7 @@ class Simulation(Questions):
         """The row of numbers that belongs to what the layout chose."""
         return rows[self.variants[choice]]
 
-    def positions_inside(
+    def heights_inside(
         self,
         props: tuple[str, ...],
         vessel: str,
@@ -390,91 +391,87 @@ class Simulation(Questions):
         radius: float,
         low: float,
         high: float,
-    ) -> list[Point]:
-        """`relative_position` of many props, with the same bits, in a fraction of the time.
+    ) -> dict[int, float]:
+        """Heights in a vessel of those of many props that are in it, by number.
+
+        Positions have the same bits as those of `relative_position`, in a fraction of the time.
 
         Args:
             props: Their names.
             vessel: The body in whose frame they are.
-            radius: Radius in metres of an upright cylinder about that frame's z axis. What is
-                outside it is just `OUTSIDE`.
+            radius: Radius in metres of an upright cylinder about that frame's z axis.
             low: Bottom of the cylinder, in metres.
             high: Top of the cylinder, in metres.
         """
         rows, _ = self._rows_of(props)
-        ox, oy, oz = self.origin(vessel)
+        positions = self._xpos[rows].tolist()
+        origin = ox, oy, oz = self.origin(vessel)
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(vessel)
-        found: list[Point] = []
-        for px, py, pz in self._xpos.take(rows, axis=0).tolist():
+        far = math.hypot(radius, max(abs(low), abs(high))) + CLEARLY
+        near = radius - CLEARLY
+        found: dict[int, float] = {}
+        for number, distance in enumerate(map(math.dist, positions, repeat(origin))):
+            if distance > far:
+                continue
+            px, py, pz = positions[number]
             x = px - ox
             y = py - oy
             z = pz - oz
             up = xz * x + yz * y + zz * z
-            if low <= up <= high:
-                along = xx * x + yx * y + zx * z
-                across = xy * x + yy * y + zy * z
-                if math.hypot(along, across) <= radius:
-                    found.append((along, across, up))
-                    continue
-            found.append(OUTSIDE)
+            if low <= up <= high and (
+                distance < near
+                or math.hypot(xx * x + yx * y + zx * z, xy * x + yy * y + zy * z)
+                <= radius
+            ):
+                found[number] = up
         return found
 
-    def relative_speeds(
-        self, props: tuple[str, ...], frame: str, positions: Iterable[Point]
-    ) -> list[float]:
-        """`relative_speed` of many props, with the same bits, in a fraction of the time.
+    def are_slower(
+        self,
+        props: tuple[str, ...],
+        frame: str,
+        limit: float,
+        *,
+        within: float,
+    ) -> bool:
+        """Whether `relative_speed` of many free props is clearly below a limit, at a glance.
 
         Args:
             props: Their names.
-            frame: The prop in whose frame they move.
-            positions: Where they are in it, as `relative_position` gives it.
+            frame: The free prop in whose frame they move.
+            limit: Speed in m/s.
+            within: How far from its origin they are at most, in metres.
         """
-        _, starts = self._rows_of(props)
-        if starts is None:
-            velocities = [self._velocity(name)[:3] for name in props]
-        else:
-            velocities = self._qvel.take(starts).tolist()
+        _, places = self._rows_of(props)
         ox, oy, oz, wx, wy, wz = self._velocity(frame)
-        xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(frame)
-        found: list[float] = []
-        for (vx, vy, vz), (px, py, pz) in zip(velocities, positions, strict=True):
-            x = vx - ox
-            y = vy - oy
-            z = vz - oz
-            found.append(
-                math.hypot(
-                    xx * x + yx * y + zx * z - (wy * pz - wz * py),
-                    xy * x + yy * y + zy * z - (wz * px - wx * pz),
-                    xz * x + yz * y + zz * z - (wx * py - wy * px),
-                )
-            )
-        return found
+        velocities = self._qvel[places].tolist()
+        xs, ys, zs = velocities[::6], velocities[1::6], velocities[2::6]
+        fastest = math.hypot(
+            max(max(xs) - ox, ox - min(xs)),
+            max(max(ys) - oy, oy - min(ys)),
+            max(max(zs) - oz, oz - min(zs)),
+        )
+        return fastest + math.hypot(wx, wy, wz) * within < limit - CLEARLY
 
-    def _rows_of(self, props: tuple[str, ...]) -> tuple[Rows, Rows | None]:
-        """Rows of bodies (n,), and places of linear velocities (n, 3) if all are free."""
+    def _rows_of(self, props: tuple[str, ...]) -> tuple[Rows, Rows]:
+        """Rows of bodies, and of their six velocities, slices if these are in a row."""
         found = self._rows.get(props)
         if found is None:
-            bodies = np.array([self.body_id(name) for name in props])
-            places = None
-            if not any(self.props[name].fixed for name in props):
-                starts = np.array([self._dofs[name] for name in props])
-                places = starts[:, None] + np.arange(3)
-            found = self._rows[props] = bodies, places
+            bodies = [self.body_id(name) for name in props]
+            places = [
+                self._dofs[name] + number for name in props for number in range(6)
+            ]
+            found = self._rows[props] = _slice_of(bodies), _slice_of(places)
         return found
 
-    def height_bound(self, prop: str, limit: float) -> float | None:
-        """Bound as in `Questions`, for props with many corners and far from the limit; cheap."""
-        if prop not in self._boxes:
-            return None
+    def height_bounds(self, prop: str) -> tuple[float, float] | None:
+        """Bounds as in `Questions`: of the box around the corners, and one corner's height."""
         row, (cx, cy, cz), (half_x, half_y, half_z), (a, b, c) = self._boxes[prop]
         x, y, z = self._xmat[row, 6:].tolist()
         origin = self._xpos.item(row, 2)
-        highest = origin + a * x + b * y + c * z
-        if highest < limit - CLEARLY:
-            return highest
         middle = origin + cx * x + cy * y + cz * z
         lowest = middle - (half_x * abs(x) + half_y * abs(y) + half_z * abs(z))
-        return lowest if lowest > limit + CLEARLY else None
+        return lowest, origin + a * x + b * y + c * z
 
     def _lowest(
         self,
