@@ -187,7 +187,7 @@ class EnvConfig:
             values["cameras"], by_name = _with_sizes(given)
             values["image_sizes"] = {**values.get("image_sizes", {}), **by_name}
         for name in (DEPTH, SEGMENTATION):
-            if values.get(name) is True:
+            if _flag(values.get(name)) is True:
                 cameras = as_several(values.get("cameras", POLICY_CAMERAS)) or ()
                 values[name] = tuple(map(name_of, cameras)) or POLICY_CAMERAS
         return cls(**values)
@@ -250,7 +250,7 @@ def _cameras(value: Any) -> Any:
 
 
 def _names(value: Any) -> Any:
-    if value is False:
+    if _flag(value) is False:
         return ()
     return value if (names := as_several(value)) is None else names
 
