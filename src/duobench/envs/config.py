@@ -252,6 +252,8 @@ def _cameras(value: Any) -> Any:
 def _names(value: Any) -> Any:
     if _flag(value) is False:
         return ()
+    if isinstance(value, Camera):  # in a tuple, it is rejected by what it is
+        return (value,)
     return value if (names := as_several(value)) is None else names
 
 
