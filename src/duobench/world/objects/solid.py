@@ -53,15 +53,33 @@ class Mesh:
     slots=True,
     eq=False,
 )
+class Texture:
+    """A texture on a mesh."""
+
+    texels: NDArray[np.uint8]
+    """Texels (height, width, 3), red green blue."""
+    corners: NDArray[np.float32]
+    """Coordinates (3 m, 2) at the corners of the triangles, one triangle after the other: of the
+    width from the left, and of the height from above."""
+
+
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Image:
-    """A part of what is rendered, in one colour."""
+    """A part of what is rendered, in one colour or with a texture."""
 
     mesh: Mesh
     """Mesh that is rendered."""
     rgba: Colour
-    """Red, green, blue and opacity, each 0 to 1."""
+    """Red, green, blue and opacity, each 0 to 1; a texture is multiplied with it."""
     shadow: bool = True
     """Whether it casts one."""
+    texture: Texture | None = None
+    """Texture, if it has one."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -107,6 +125,8 @@ class Solid:
     """Density in kg/m³."""
     mass: float | None = None
     """Mass in kg, where the volume does not decide it."""
+    inertial: MassProperties | None = None
+    """Mass, centre and inertia, where they do not follow from the volume."""
     friction: tuple[float, float, float] = (PLASTIC_FRICTION, 0.005, 0.0001)
     """Sliding, torsional (metres) and rolling (metres) friction."""
     condim: int = 3
@@ -229,6 +249,8 @@ def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
 @lru_cache(maxsize=256)
 def mass_properties(solid: Solid) -> MassProperties:
     """Mass properties of the printable mesh, with the solid's density, or scaled to its mass."""
+    if solid.inertial is not None:
+        return solid.inertial
     mesh = printable(solid)
     # The solid is the signed sum of the tetrahedra that its triangles span with the origin. The
     # sums over triangles are exact: they do not depend on the order of the triangles.
