@@ -1,9 +1,8 @@
 """Objects from files of meshes: STL, OBJ and GLB.
 
-A mesh is prepared once, with trimesh and CoACD of the extra `objects`: convex parts that collide, a
-closed mesh to weigh and print, images. That lies beside it, as `mug.stl.parts.npz` with the digests
-of the files it is made of, and episodes read nothing else: a decomposition may differ from one
-processor to the next. All of it is in the axes and units of the file.
+A mesh is prepared once, with trimesh and CoACD of the extra `objects`: its convex parts, and what
+is rendered. That lies beside it, as `mug.stl.parts.json`, and episodes read nothing else, since a
+decomposition may differ from one processor to the next.
 """
 
 from __future__ import annotations
@@ -11,21 +10,37 @@ from __future__ import annotations
 import io
 import os
 import sys
-import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.errors import AssetError, DuoBenchError, TaskError, check_known
-from duobench.core.files import digest_of, held, write, zipped
+from duobench.core.errors import (
+    AssetError,
+    DuoBenchError,
+    FileError,
+    TaskError,
+    check_known,
+)
+from duobench.core.files import digest_of, encode, held, read, write
 from duobench.core.machine import load_extra
 from duobench.core.types import LONGEST, Array
+from duobench.world.objects.blocks import WHITE
 from duobench.world.objects.prop import Prop
 from duobench.world.objects.shapes import Colour, hull
-from duobench.world.objects.solid import Image, Mesh, Solid, Texture, manifold_from, mesh_of
+from duobench.world.objects.solid import (
+    Image,
+    Mesh,
+    Solid,
+    Texture,
+    hull_of,
+    manifold_from,
+    mesh_of,
+)
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
@@ -36,35 +51,51 @@ SMALLEST = 0.002
 """Smallest length of an object in metres: what is smaller was given in another unit."""
 MOST_MASS = 20.0
 """Largest mass of an object in kg: what is larger was given in grams."""
-SAVED = ".parts.npz"
-"""Ending of the prepared mesh, after the name of the file."""
-
-CONCAVITY = 0.03
-"""How far parts may stand out, as CoACD measures it: a mug's wall of 4 mm stays one."""
-RECIPE = f"1: CoACD, concavity {CONCAVITY}, seed 0"
-"""Steps that make what is saved, and their numbers."""
-MOST_BYTES = 64_000_000
-"""Largest file, in bytes."""
-MOST_TRIANGLES = 100_000
-MOST_PAIRS = 20_000_000
-"""Most pairs of triangles with a corner in common, which decide what normals cost."""
+MOST_BYTES, MOST_TRIANGLES = 64_000_000, 100_000
+"""Largest mesh."""
+MOST_AROUND = 2_000
+"""Most triangles with one corner; the time for normals grows with the square."""
 MOST_TEXELS = 1024
 """Longest edge of a texture; larger images are reduced."""
-MOST_PIXELS = 64_000_000
-"""Most pixels of an image."""
-WHITE = (0.95, 0.95, 0.95, 1.0)
-"""Colour of a mesh without one."""
-_SAME = 1e-6
-"""Vertices closer than this share of the longest edge are one."""
+ENDING = ".parts.json"
+"""Ending of the prepared mesh, after the name of the file."""
+CONCAVITY = 0.03
+"""How far convex parts may stand out [CoACD]: they keep a mug's wall of 4 mm."""
+_SCHEMA = 1
+_DIGITS = 5
+"""Digits to which vertices count, of the largest coordinate."""
 _FLAT = 1e-5
 """Share of the longest edge up to which something is flat."""
 _WAIT_S = 1800.0
 _NEEDED = "Preparing a mesh needs trimesh and CoACD"
 
-Content = dict[str, NDArray[Any]]
-"""Arrays that are saved. For each image, by its number from 0: `faces0` of `vertices`, `rgba0`,
-`corners0` (see `Texture`), `texels0`; empty without a texture. `closed_faces` of `closed_vertices`
-are empty for an open mesh. `points` of all parts, `counts` of each."""
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Surface:
+    """What is rendered in one colour or with one texture."""
+
+    faces: tuple[tuple[int, int, int], ...]
+    rgba: Colour
+    corners: tuple[tuple[float, float], ...] = ()
+    """Texture coordinates, if it has them; see `Texture`."""
+    texture: bytes = b""
+    """The texture as a PNG, if it has one."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PreparedMesh:
+    """A mesh as it lies beside its file, in the file's axes and units."""
+
+    CHECKED_FROM: ClassVar[int] = 1
+    files: dict[str, str]
+    """SHA-256 of each file that it was made of, by its name."""
+    concavity: float
+    vertices: tuple[Point, ...]
+    surfaces: tuple[Surface, ...]
+    parts: tuple[tuple[Point, ...], ...]
+    """Corners of each convex part."""
 
 
 def mesh_object(
@@ -87,29 +118,27 @@ def mesh_object(
         units: Unit of the file: "mm", "cm", "m" or "in"; GLB is in metres.
         up: Axis of the file that points up, "y" or "z"; of GLB y, else z by default.
         rgba: Colour, in place of the file's colours and textures.
-        texture: Image, in place of the file's colours and textures.
+        texture: Image, in place of the file's textures.
         fixed: Whether it stands still wherever the layout puts it.
 
     Raises:
-        TaskError: An argument does not fit, or later the mesh does not.
-        AssetError: There is no such file, or later it cannot be read or prepared.
+        TaskError: An argument does not fit; when it is built, the mesh does not.
+        AssetError: There is no such file; when it is built, it cannot be read or prepared.
     """
     path = found(file, (".stl", ".obj", ".glb"))
     is_glb = path.suffix.lower() == ".glb"
     if units is None and not is_glb:
         raise TaskError(
-            f"{path.name} does not say its unit: give one, such as units='mm' for millimetres."
+            f"{path.name} does not say its unit: give one, such as units='mm'."
         )
     check_known("unit", units or "m", UNITS)
     check_known("axis", up or "z", ("y", "z"))
-    if mass is not None:
-        check_mass(path, mass)
     solid = partial(
         _solid,
         path,
         mass=mass,
         units=units or "m",
-        up=up or ("y" if is_glb else "z"),
+        is_y_up=(up or ("y" if is_glb else "z")) == "y",
         rgba=rgba,
         texture=None if texture is None else found(texture),
     )
@@ -117,7 +146,7 @@ def mesh_object(
 
 
 def found(file: str | Path, kinds: tuple[str, ...] = ()) -> Path:
-    """The absolute path of what the caller of the calling function names, of some endings."""
+    """Absolute path of a file that the caller of the calling function names."""
     module = sys._getframe(2).f_globals.get("__file__")
     path = (Path(module).parent if module else Path()).absolute() / file
     if kinds and path.suffix.lower() not in kinds:
@@ -130,23 +159,23 @@ def found(file: str | Path, kinds: tuple[str, ...] = ()) -> Path:
     return path
 
 
-def check_mass(file: Path, mass: float) -> None:
-    """Reject a mass in another unit."""
-    if not 0 < mass <= MOST_MASS:
+def check_size(file: Path, points: Array, mass: float | None, units: str = "m") -> None:
+    """Reject an object, by its points in metres and mass in kg, that was given in other units."""
+    edge = float(np.ptp(points, axis=0).max())
+    if not SMALLEST <= edge <= LONGEST:
+        lengths = {unit: edge * scale / UNITS[units] for unit, scale in UNITS.items()}
+        fitting = [
+            f"in {unit} {length:.3g} m"
+            for unit, length in lengths.items()
+            if SMALLEST <= length <= LONGEST
+        ]
+        raise TaskError(
+            f"{file.name} is {edge:.4g} m long, read in {units}; an object is {SMALLEST:g} to "
+            f"{LONGEST:g} m long. It would be {' and '.join(fitting) or 'in no other unit'}."
+        )
+    if mass is not None and not 0 < mass <= MOST_MASS:
         raise TaskError(
             f"The mass of {file.name} is in kg, above 0 and at most {MOST_MASS:g}; got {mass!r}."
-        )
-
-
-def check_length(file: Path, length: float, units: str = "m") -> None:
-    """Reject a length in metres that only another unit makes sense of."""
-    lengths = {unit: length / UNITS[units] * scale for unit, scale in UNITS.items()}
-    fitting = [unit for unit, one in lengths.items() if SMALLEST <= one <= LONGEST]
-    if units not in fitting:
-        raise TaskError(
-            f"{file.name} is {length:.4g} m long, read in {units}; objects are {SMALLEST:g} to "
-            f"{LONGEST:g} m long. "
-            + ", ".join(f"In {unit} it is {lengths[unit]:.3g} m" for unit in fitting)
         )
 
 
@@ -155,171 +184,164 @@ def _solid(
     *,
     mass: float | None,
     units: str,
-    up: str,
+    is_y_up: bool,
     rgba: Colour | None,
     texture: Path | None,
 ) -> Solid:
-    content = prepared(file)
+    prepared = _prepared(file)
 
-    def turned(points: NDArray[Any]) -> Array:
-        x, y, z = points.T.astype(np.float64) * UNITS[units]
-        return np.column_stack([x, -z, y] if up == "y" else [x, y, z])
+    def in_metres(points: Sequence[Point]) -> Array:
+        x, y, z = UNITS[units] * np.array(points).T
+        return np.column_stack([x, -z, y] if is_y_up else [x, y, z])
 
-    vertices = turned(content["vertices"])
+    vertices = in_metres(prepared.vertices)
+    check_size(file, vertices, mass, units)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    check_length(file, float((high - low).max()), units)
-    origin = (low + high) / 2
-    origin[2] = low[2]
-    is_open = not len(content["closed_faces"])
-    if is_open and mass is None:
+    origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    faces = [np.array(one.faces, dtype=np.int32) for one in prepared.surfaces]
+    closed = _closed(Mesh(vertices - origin, np.vstack(faces)))
+    if closed is None and mass is None:
         raise TaskError(
             f"The surface of {file.name} is open, so it has no volume to weigh: close it, or give "
-            "`mass` in kg; it is then weighed and printed as its convex parts."
+            "`mass` in kg; it is then balanced, and printed, as its convex parts are."
         )
     images = [
-        _image(content, number, vertices - origin, rgba, texture)
-        for number in range(int(content["images"]))
+        _image(file, surface, Mesh(vertices - origin, each), rgba, texture)
+        for surface, each in zip(prepared.surfaces, faces, strict=True)
     ]
-    points = turned(content["points"]) - origin
     return Solid(
         shapes=tuple(
-            hull(part.tolist()) for part in np.split(points, content["counts"].cumsum()[:-1])
+            hull((in_metres(part) - origin).tolist()) for part in prepared.parts
         ),
         rgba=images[0].rgba,
-        mesh=None
-        if is_open
-        else Mesh(turned(content["closed_vertices"]) - origin, content["closed_faces"]),
+        mesh=closed,
         images=tuple(images),
         mass=mass,
     )
 
 
+def _closed(mesh: Mesh) -> Mesh | None:
+    """The body in a surface: the union of its shells without hollows. None if it is open."""
+    import manifold3d
+
+    body = manifold_from(mesh)
+    if body.status() != manifold3d.Error.NoError or not body.volume() > 0:
+        return None
+    shells = body.decompose()
+    if len(shells) == 1:
+        return mesh
+    whole, hollow = manifold3d.Manifold(), manifold3d.Manifold()
+    for shell in shells:
+        if shell.volume() > 0:
+            whole += shell
+        else:
+            inside = mesh_of(shell)
+            hollow += manifold_from(Mesh(inside.vertices, inside.faces[:, ::-1]))
+    return mesh_of(whole - hollow)
+
+
 def _image(
-    content: Content, number: int, vertices: Array, rgba: Colour | None, texture: Path | None
+    file: Path, surface: Surface, mesh: Mesh, rgba: Colour | None, chosen: Path | None
 ) -> Image:
-    corners, texels = (content[f"{key}{number}"] for key in ("corners", "texels"))
-    if texture is not None:
-        if not len(corners):
-            raise TaskError(f"The mesh has no texture coordinates for {texture.name}; give `rgba`.")
-        texels = _opened(texture)
-    is_textured = texels.size > 0 and rgba is None
-    own = (1.0, 1.0, 1.0, 1.0) if is_textured else tuple(content[f"rgba{number}"].tolist())
-    return Image(
-        mesh=Mesh(vertices, content[f"faces{number}"]),
-        rgba=rgba or own,
-        texture=Texture(texels=texels, corners=corners) if is_textured else None,
-    )
-
-
-def _opened(file: Path) -> NDArray[np.uint8]:
+    source = io.BytesIO(surface.texture) if chosen is None else chosen
+    if rgba is not None or not (surface.texture or chosen):
+        return Image(mesh=mesh, rgba=rgba or surface.rgba)
+    if not surface.corners:
+        raise TaskError(
+            f"{file.name} has no texture coordinates, so that no texture fits; give `rgba`."
+        )
     from PIL import Image as Pillow
 
     try:
-        with Pillow.open(file) as picture:
-            return _texels(picture)
+        with Pillow.open(source) as picture:
+            texels = np.asarray(_reduced(picture))
     except OSError as error:
-        raise AssetError(f"{file} cannot be read as an image: {error}.") from error
+        raise AssetError(f"{chosen} cannot be read as an image: {error}.") from error
+    corners = np.array(surface.corners, dtype=np.float32)
+    return Image(
+        mesh=mesh,
+        rgba=(1.0, 1.0, 1.0, 1.0),
+        texture=Texture(texels=texels, corners=corners),
+    )
 
 
-def _texels(picture: Picture) -> NDArray[np.uint8]:
-    width, height = picture.size
-    if width * height > MOST_PIXELS:
-        raise AssetError(
-            f"An image has {width} x {height} pixels; reduce it to {MOST_TEXELS} x {MOST_TEXELS}."
-        )
+def _reduced(picture: Picture) -> Picture:
     small = picture.convert("RGB")
     small.thumbnail((MOST_TEXELS, MOST_TEXELS))
-    return np.asarray(small)
+    return small
 
 
-# --- what is saved beside the file ---
+# --- what lies beside the file ---
 
 
-def prepared(file: Path) -> Content:
-    """What is saved beside a mesh; where it is missing, or of other files, it is made first.
-
-    Raises:
-        AssetError: It is neither there, nor can it be made.
-    """
-    content = _saved(file)
-    if content is not None:
-        return content
+def _prepared(file: Path) -> PreparedMesh:
+    """What lies beside a mesh; where that is missing, or of other files, it is made first."""
+    path = file.with_name(file.name + ENDING)
+    prepared = _saved(path)
+    if prepared is not None:
+        return prepared
     trimesh = load_extra("trimesh", "objects", _NEEDED, AssetError)
     coacd = load_extra("coacd", "objects", _NEEDED, AssetError)
     if not os.access(file.parent, os.W_OK):
         raise AssetError(
-            f"The convex parts of {file.name} cannot be saved beside it: nothing may be written "
-            f"into {file.parent}. Prepare it elsewhere, and bring {file.name}{SAVED} along."
+            f"{file} has no {path.name} beside it that fits, and nothing may be written there: "
+            "prepare it elsewhere, and copy that file."
         )
     with held(file, wait_s=_WAIT_S):
-        content = _saved(file)  # another process may have made it
-        if content is None:
-            content = {key: np.asarray(value) for key, value in _made(file, trimesh, coacd).items()}
-            entries = {f"{key}.npy": _npy(value) for key, value in content.items()}
-            write(file.with_name(file.name + SAVED), zipped(entries, zipfile.ZIP_DEFLATED))
-    return content
+        prepared = _saved(path)  # another process may have made it
+        if prepared is None:
+            prepared = _prepare(file, trimesh, coacd)
+            write(path, encode(prepared, _SCHEMA))
+    return prepared
 
 
-def _npy(array: NDArray[Any]) -> bytes:
-    stream = io.BytesIO()
-    np.save(stream, array, allow_pickle=False)
-    return stream.getvalue()
-
-
-def _saved(file: Path) -> Content | None:
-    """What is saved beside a mesh; None if it is missing, damaged, or of other files."""
-    path = file.with_name(file.name + SAVED)
+def _saved(path: Path) -> PreparedMesh | None:
     try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(each.file_size for each in archive.infolist()) > 4 * MOST_BYTES:
-                return None
-        with np.load(path, allow_pickle=False) as saved:
-            content = dict(saved)
-        here = [digest_of(file.parent / name) for name in content["files"].tolist()]
-        is_ours = str(content["recipe"]) == RECIPE and here == content["digests"].tolist()
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        prepared = read(path, PreparedMesh, _SCHEMA)
+        now = {name: digest_of(path.with_name(name)) for name in prepared.files}
+    except (FileError, OSError):
         return None
-    return content if is_ours else None
+    is_same = prepared.files == now and prepared.concavity == CONCAVITY
+    return prepared if is_same else None
 
 
-class _Beside:
-    """Files that a mesh refers to, in its folder: a resolver, as trimesh calls it."""
+class _Beside(dict[str, bytes]):
+    """Files in a mesh's folder, read when trimesh asks for them."""
 
     def __init__(self, file: Path) -> None:
-        self.file_name = file.name
-        self.names = [file.name]
+        super().__init__()
         self.missing: list[str] = []
-        self._folder = file.parent
+        self._folder = file.parent.resolve()
 
-    def __getitem__(self, key: str) -> bytes:
-        name = str(key).strip().replace("\\", "/")
-        path = (self._folder / name).resolve()
-        if not path.is_relative_to(self._folder.resolve()) or not path.is_file():
+    def __missing__(self, name: str) -> bytes:
+        path = (self._folder / name.strip()).resolve()
+        if not path.is_relative_to(self._folder) or not path.is_file():
             self.missing.append(name)
             raise FileNotFoundError(name)
-        self.names.append(name)
-        return _read(path)
+        self[name] = data = _bytes_of(path)
+        return data
 
-    get = __getitem__
+    def get(self, name: str, _default: object = None) -> bytes:
+        """A file, as trimesh asks for a texture."""
+        return self[name]
 
 
-def _read(path: Path) -> bytes:
+def _bytes_of(path: Path) -> bytes:
     size = path.stat().st_size
     if size > MOST_BYTES:
         raise AssetError(
-            f"{path.name} has {size / 1e6:.0f} MB, and a mesh has {MOST_BYTES / 1e6:.0f} MB at most."
+            f"{path.name} has {size / 1e6:.0f} MB, and may have {MOST_BYTES / 1e6:.0f}."
         )
     return path.read_bytes()
 
 
-def _made(file: Path, trimesh: Any, coacd: Any) -> Content:
-    """What is saved beside a mesh."""
+def _prepare(file: Path, trimesh: Any, coacd: Any) -> PreparedMesh:
     beside = _Beside(file)
     kind = file.suffix.lower().removeprefix(".")
-    stream = io.BytesIO(_read(file))
+    data = _bytes_of(file)
     try:
-        scene = trimesh.load_scene(stream, file_type=kind, resolver=beside)
-        content = _images(file, _meshes(file, scene), trimesh)
+        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=beside)
+        vertices, surfaces = _surfaces(file, scene, trimesh)
     except DuoBenchError:
         raise
     except Exception as error:
@@ -332,131 +354,98 @@ def _made(file: Path, trimesh: Any, coacd: Any) -> Content:
             f"{file.name} refers to {', '.join(beside.missing)}, missing in its folder: put it "
             "there, or remove the reference."
         )
-    faces = np.vstack([content[f"faces{number}"] for number in range(content["images"])])
-    surface = Mesh(content["vertices"].astype(np.float64), faces)
-    closed = _closed(surface)
-    parts = _parts(surface if closed is None else closed, coacd)
-    if not parts:
-        raise AssetError(f"{file.name} is flat, or all of its parts are.")
-    return content | {
-        "recipe": np.array(RECIPE),
-        "files": np.array(beside.names),
-        "digests": np.array([digest_of(file.parent / name) for name in beside.names]),
-        "closed_vertices": np.empty((0, 3)) if closed is None else closed.vertices,
-        "closed_faces": np.empty((0, 3), np.int32) if closed is None else closed.faces,
-        "points": np.vstack(parts),
-        "counts": np.array([len(part) for part in parts]),
-    }
+    faces = np.vstack([one.faces for one in surfaces]).astype(np.int32)
+    mesh = Mesh(vertices, faces)
+    body = _closed(mesh) or mesh
+    coacd.set_log_level("error")
+    parts = coacd.run_coacd(
+        coacd.Mesh(body.vertices, body.faces), threshold=CONCAVITY, seed=0
+    )
+    least = _FLAT**2 * np.ptp(vertices, axis=0).prod()
+    parts = [points for points, _ in parts if hull_of(points).volume() > least]
+    names = [file.name, *beside]
+    return PreparedMesh(
+        files={name: digest_of(file.parent / name.strip()) for name in names},
+        concavity=CONCAVITY,
+        vertices=_rows(vertices),
+        surfaces=tuple(surfaces),
+        parts=tuple(_rows(_rounded(np.asarray(points))) for points in parts),
+    )
 
 
-def _meshes(file: Path, scene: Any) -> list[Any]:
-    """The meshes of a scene, each at its place; points and lines are left out."""
+def _rows(array: NDArray[Any]) -> tuple[Any, ...]:
+    return tuple(map(tuple, array.tolist()))
+
+
+def _surfaces(file: Path, scene: Any, trimesh: Any) -> tuple[Array, list[Surface]]:
+    """Vertices of a scene, none of them twice, and its meshes, whose faces look outwards."""
     places = [scene.graph[node] for node in scene.graph.nodes_geometry]
-    meshes = [(scene.geometry[name], pose) for pose, name in places]
-    meshes = [(mesh, pose) for mesh, pose in meshes if hasattr(mesh, "faces")]
-    triangles = sum(len(mesh.faces) for mesh, _ in meshes)
-    if not 0 < triangles <= MOST_TRIANGLES:
+    placed = [(scene.geometry[key], pose) for pose, key in places]
+    placed = [(mesh, pose) for mesh, pose in placed if hasattr(mesh, "faces")]
+    count = sum(len(mesh.faces) for mesh, _ in placed)
+    if not 0 < count <= MOST_TRIANGLES:
         raise AssetError(
-            f"{file.name} has {triangles} triangles; an object has 1 to {MOST_TRIANGLES}."
+            f"{file.name} has {count} triangles; an object has 1 to {MOST_TRIANGLES}."
         )
-    return [mesh.copy().apply_transform(pose) for mesh, pose in meshes]
-
-
-def _images(file: Path, meshes: list[Any], trimesh: Any) -> dict[str, Any]:
-    """The images of meshes, whose vertices at one place are one, and whose faces look outwards."""
-    counts = [len(mesh.vertices) for mesh in meshes]
-    starts = np.cumsum(counts) - counts
-    vertices, one = _merged(file, np.vstack([mesh.vertices for mesh in meshes]))
-    owners = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
-    apart = np.vstack([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)])
-    is_whole = (one[apart] != one[np.roll(apart, 1, axis=1)]).all(axis=1)
-    owners, apart = owners[is_whole], apart[is_whole]
-    body = trimesh.Trimesh(vertices, one[apart], process=False)
+    meshes = [mesh.copy().apply_transform(pose) for mesh, pose in placed]
+    points = np.vstack([mesh.vertices for mesh in meshes])
+    size = np.ptp(points, axis=0)
+    if not (np.isfinite(size).all() and size.min() > _FLAT * size.max()):
+        edges = " x ".join(f"{edge:.4g}" for edge in size)
+        raise AssetError(f"{file.name} is {edges} large: flat, or without numbers.")
+    vertices, merged = np.unique(_rounded(points), axis=0, return_inverse=True)
+    merged = merged.ravel()
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)]).tolist()
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    owner = np.repeat(np.arange(len(meshes)), [len(each) for each in faces])
+    corners = np.vstack(faces)
+    is_whole = (merged[corners] != merged[np.roll(corners, 1, axis=1)]).all(axis=1)
+    owner, corners = owner[is_whole], corners[is_whole]
+    if np.bincount(merged[corners].ravel(), minlength=1).max() > MOST_AROUND:
+        raise AssetError(
+            f"{file.name} has more than {MOST_AROUND} triangles around a corner; remesh it."
+        )
+    body = trimesh.Trimesh(vertices, merged[corners], process=False)
     if not body.is_winding_consistent:
         trimesh.repair.fix_normals(body, multibody=True)
     if body.volume < 0:
         body.invert()
-    is_turned = body.faces[:, 0] != one[apart][:, 0]
-    apart[is_turned] = apart[is_turned][:, ::-1]
-    around = np.bincount(one[apart].ravel()).astype(np.int64)
-    if (around * around).sum() > MOST_PAIRS:
-        raise AssetError(
-            f"{file.name} has a corner with {around.max()} triangles; remesh it evenly."
+    is_turned = body.faces[:, 0] != merged[corners[:, 0]]
+    corners[is_turned] = corners[is_turned, ::-1]
+    return vertices, [
+        _surface(
+            meshes[number].visual,
+            corners[owner == number] - starts[number],
+            merged[corners[owner == number]],
         )
-    content: dict[str, Any] = {"vertices": vertices.astype(np.float32)}
-    used = np.unique(owners).tolist()
-    for number, owner in enumerate(used):
-        faces = apart[owners == owner]
-        surface = _surface(meshes[owner].visual, faces.ravel() - starts[owner])
-        content[f"faces{number}"] = one[faces].astype(np.int32)
-        content |= {f"{key}{number}": value for key, value in surface.items()}
-    return content | {"images": np.array(len(used))}
-
-
-def _merged(file: Path, points: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Vertices without those at the place of another one, and the row there of each point."""
-    with np.errstate(over="ignore"):
-        points = points.astype(np.float32).astype(np.float64)
-    size = np.ptp(points, axis=0)
-    if not np.isfinite(size).all():
-        raise AssetError(f"{file.name} has coordinates that are no numbers.")
-    if not size.min() > _FLAT * size.max():
-        raise AssetError(f"{file.name} is flat: {' x '.join(f'{edge:g}' for edge in size)}.")
-    cells = np.rint((points - points.min(axis=0)) / (_SAME * size.max()))
-    _, first, rows = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    return points[first], rows.ravel()
-
-
-def _surface(visual: Any, corners: NDArray[np.intp]) -> dict[str, Any]:
-    """Colour, texture coordinates and texture of a mesh, at some of its vertices."""
-    material = getattr(visual, "material", None)
-    colour, coordinates = WHITE, getattr(visual, "uv", None)
-    if material is not None:
-        colour = material.main_color / 255
-    elif visual.defined:
-        colour = visual.main_color / 255
-    texels = np.empty(0, np.uint8)
-    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    if picture is not None and coordinates is not None:
-        texels = _texels(picture)
-    # The first row of a texture is its upper edge.
-    upright = np.empty((0, 2)) if coordinates is None else coordinates * (1, -1) + (0, 1)
-    return {
-        "rgba": np.array([*colour[:3], 1.0]),
-        "corners": (upright[corners] if len(upright) else upright).astype(np.float32),
-        "texels": texels,
-    }
-
-
-def _closed(mesh: Mesh) -> Mesh | None:
-    """The body within a surface: of shells that overlap the union, without hollows. None if open."""
-    import manifold3d
-
-    body = manifold_from(mesh)
-    if body.status() != manifold3d.Error.NoError or not body.volume() > 0:
-        return None
-    shells = body.decompose()
-    if len(shells) == 1:
-        return mesh
-    bodies = [shell for shell in shells if shell.volume() > 0]
-    hollows = [mesh_of(shell) for shell in shells if shell.volume() < 0]
-    turned = [manifold_from(Mesh(one.vertices, one.faces[:, ::-1])) for one in hollows]
-    add = manifold3d.OpType.Add
-    union = manifold3d.Manifold.batch_boolean
-    return mesh_of(union(bodies, add) - union(turned, add))
-
-
-def _parts(mesh: Mesh, coacd: Any) -> list[NDArray[np.float32]]:
-    """Corners (n, 3) of each convex part, but for flat ones."""
-    import manifold3d
-
-    coacd.set_log_level("error")
-    parts = coacd.run_coacd(
-        coacd.Mesh(mesh.vertices, mesh.faces), threshold=CONCAVITY, seed=0
-    )
-    least = _FLAT**2 * np.ptp(mesh.vertices, axis=0).prod()
-    return [
-        np.asarray(points, np.float32)
-        for points, _ in parts
-        if manifold3d.Manifold.hull_points(points).volume() > least
+        for number in np.unique(owner).tolist()
     ]
+
+
+def _surface(visual: Any, corners: NDArray[Any], faces: NDArray[Any]) -> Surface:
+    """What a mesh looks like, by its corners in rows of its own, and its faces."""
+    material, places = getattr(visual, "material", None), getattr(visual, "uv", None)
+    picture = getattr(material, "baseColorTexture", None)
+    picture = picture or getattr(material, "image", None)
+    stream = io.BytesIO()
+    at_corners: tuple[Any, ...] = ()
+    if places is not None:
+        # The first row of a texture is its upper edge.
+        at_corners = _rows((places * (1, -1) + (0, 1))[corners.ravel()].round(_DIGITS))
+        if picture is not None:
+            _reduced(picture).save(stream, "PNG")
+    colour = WHITE
+    if material is not None or visual.defined:
+        red, green, blue, _ = ((material or visual).main_color / 255).tolist()
+        colour = red, green, blue, 1.0
+    return Surface(
+        faces=_rows(faces),
+        rgba=colour,
+        corners=at_corners,
+        texture=stream.getvalue(),
+    )
+
+
+def _rounded(points: Array) -> Array:
+    """Points to some digits of their largest coordinate."""
+    return points.round(_DIGITS - int(np.log10(np.abs(points).max())))

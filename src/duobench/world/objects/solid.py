@@ -169,8 +169,15 @@ def manifold_of(shape: Shape) -> manifold3d.Manifold:
     elif shape.kind is ShapeKind.SPHERE:
         local = m.sphere(shape.size[0], CIRCLE_SEGMENTS)
     else:
-        local = m.hull_points([list(p) for p in shape.points])
+        local = hull_of(shape.points)
     return placed(local, shape.pose)
+
+
+def hull_of(points: Iterable[Iterable[float]]) -> manifold3d.Manifold:
+    """The convex hull of points as an exact solid."""
+    import manifold3d
+
+    return manifold3d.Manifold.hull_points([list(point) for point in points])
 
 
 def placed(manifold: manifold3d.Manifold, pose: SE3) -> manifold3d.Manifold:

@@ -185,7 +185,10 @@ def _fill(
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     kinds = [shape.kind for shape in solid.shapes]
     rendered_alone = (
-        solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
+        solid.mesh is None
+        and not solid.images
+        and len(kinds) == 1
+        and kinds[0] in _RENDERED_WELL
     )
     for number, shape in enumerate(solid.shapes):
         geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
