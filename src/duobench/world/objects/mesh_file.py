@@ -53,7 +53,7 @@ MOST_MASS = 20.0
 """Largest mass of an object in kg: what is larger was given in grams."""
 MOST_BYTES, MOST_TRIANGLES = 64_000_000, 100_000
 """Largest mesh."""
-MOST_AROUND = 2_000
+MOST_AROUND = 1_000
 """Most triangles with one corner; the time for normals grows with the square."""
 MOST_TEXELS = 1024
 """Longest edge of a texture; larger images are reduced."""
@@ -63,9 +63,11 @@ CONCAVITY = 0.03
 """How far convex parts may stand out [CoACD]: they keep a mug's wall of 4 mm."""
 _SCHEMA = 1
 _DIGITS = 5
-"""Digits to which vertices count, of the largest coordinate."""
+"""Digits to which vertices count, of the longest edge."""
 _FLAT = 1e-5
 """Share of the longest edge up to which something is flat."""
+_HEADER, _TRIANGLE = 84, 50
+"""Bytes of a binary STL before its triangles, and of each [STL]."""
 _WAIT_S = 1800.0
 _NEEDED = "Preparing a mesh needs trimesh and CoACD"
 
@@ -114,7 +116,7 @@ def mesh_object(
     Args:
         file: STL, OBJ or GLB file; a relative path begins in the folder of the calling module.
         name: Name of the object; the file's without its ending by default.
-        mass: Mass in kg; that of a solid print by default. An open mesh needs one.
+        mass: Mass in kg; that of a solid print by default.
         units: Unit of the file: "mm", "cm", "m" or "in"; GLB is in metres.
         up: Axis of the file that points up, "y" or "z"; of GLB y, else z by default.
         rgba: Colour, in place of the file's colours and textures.
@@ -163,15 +165,13 @@ def check_size(file: Path, points: Array, mass: float | None, units: str = "m") 
     """Reject an object, by its points in metres and mass in kg, that was given in other units."""
     edge = float(np.ptp(points, axis=0).max())
     if not SMALLEST <= edge <= LONGEST:
-        lengths = {unit: edge * scale / UNITS[units] for unit, scale in UNITS.items()}
-        fitting = [
-            f"in {unit} {length:.3g} m"
-            for unit, length in lengths.items()
-            if SMALLEST <= length <= LONGEST
-        ]
+        others = ", ".join(
+            f"{edge / UNITS[units] * scale:.3g} m in {unit}"
+            for unit, scale in UNITS.items()
+        )
         raise TaskError(
-            f"{file.name} is {edge:.4g} m long, read in {units}; an object is {SMALLEST:g} to "
-            f"{LONGEST:g} m long. It would be {' and '.join(fitting) or 'in no other unit'}."
+            f"{file.name} is {edge:.4g} m long, read in {units}, and an object is {SMALLEST:g} to "
+            f"{LONGEST:g} m long. It would be {others}."
         )
     if mass is not None and not 0 < mass <= MOST_MASS:
         raise TaskError(
@@ -199,12 +199,6 @@ def _solid(
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     faces = [np.array(one.faces, dtype=np.int32) for one in prepared.surfaces]
-    closed = _closed(Mesh(vertices - origin, np.vstack(faces)))
-    if closed is None and mass is None:
-        raise TaskError(
-            f"The surface of {file.name} is open, so it has no volume to weigh: close it, or give "
-            "`mass` in kg; it is then balanced, and printed, as its convex parts are."
-        )
     images = [
         _image(file, surface, Mesh(vertices - origin, each), rgba, texture)
         for surface, each in zip(prepared.surfaces, faces, strict=True)
@@ -214,55 +208,61 @@ def _solid(
             hull((in_metres(part) - origin).tolist()) for part in prepared.parts
         ),
         rgba=images[0].rgba,
-        mesh=closed,
+        mesh=_body(file, Mesh(vertices - origin, np.vstack(faces))),
         images=tuple(images),
         mass=mass,
     )
 
 
-def _closed(mesh: Mesh) -> Mesh | None:
-    """The body in a surface: the union of its shells without hollows. None if it is open."""
+def _body(file: Path, mesh: Mesh) -> Mesh:
+    """The body within a closed surface: the union of its shells, without hollows."""
     import manifold3d
 
-    body = manifold_from(mesh)
-    if body.status() != manifold3d.Error.NoError or not body.volume() > 0:
-        return None
-    shells = body.decompose()
+    whole = manifold_from(mesh)
+    if whole.status() != manifold3d.Error.NoError:
+        raise AssetError(
+            f"The surface of {file.name} has holes, or faces that meet at one edge otherwise than "
+            "in pairs, so it has no volume to weigh and print; programs for printing close it."
+        )
+    shells = whole.decompose()
     if len(shells) == 1:
         return mesh
-    whole, hollow = manifold3d.Manifold(), manifold3d.Manifold()
+    filled, hollow = manifold3d.Manifold(), manifold3d.Manifold()
     for shell in shells:
         if shell.volume() > 0:
-            whole += shell
+            filled += shell
         else:
             inside = mesh_of(shell)
             hollow += manifold_from(Mesh(inside.vertices, inside.faces[:, ::-1]))
-    return mesh_of(whole - hollow)
+    return mesh_of(filled - hollow)
 
 
 def _image(
     file: Path, surface: Surface, mesh: Mesh, rgba: Colour | None, chosen: Path | None
 ) -> Image:
-    source = io.BytesIO(surface.texture) if chosen is None else chosen
-    if rgba is not None or not (surface.texture or chosen):
+    data = surface.texture if chosen is None else chosen.read_bytes()
+    if rgba is not None or not data:
         return Image(mesh=mesh, rgba=rgba or surface.rgba)
     if not surface.corners:
-        raise TaskError(
-            f"{file.name} has no texture coordinates, so that no texture fits; give `rgba`."
-        )
-    from PIL import Image as Pillow
-
-    try:
-        with Pillow.open(source) as picture:
-            texels = np.asarray(_reduced(picture))
-    except OSError as error:
-        raise AssetError(f"{chosen} cannot be read as an image: {error}.") from error
-    corners = np.array(surface.corners, dtype=np.float32)
+        raise TaskError(f"{file.name} has no texture coordinates; give it `rgba`.")
     return Image(
         mesh=mesh,
         rgba=(1.0, 1.0, 1.0, 1.0),
-        texture=Texture(texels=texels, corners=corners),
+        texture=Texture(
+            texels=np.asarray(_picture(data, chosen or file)),
+            corners=np.array(surface.corners, dtype=np.float32),
+        ),
     )
+
+
+def _picture(data: bytes, file: Path) -> Picture:
+    from PIL import Image as Pillow
+
+    try:
+        with Pillow.open(io.BytesIO(data)) as picture:
+            return _reduced(picture)
+    except (OSError, SyntaxError, Pillow.DecompressionBombError) as error:
+        raise AssetError(f"{file} is no image that can be read: {error}.") from error
 
 
 def _reduced(picture: Picture) -> Picture:
@@ -332,7 +332,13 @@ def _bytes_of(path: Path) -> bytes:
         raise AssetError(
             f"{path.name} has {size / 1e6:.0f} MB, and may have {MOST_BYTES / 1e6:.0f}."
         )
-    return path.read_bytes()
+    data = path.read_bytes()
+    kind = path.suffix.lower()
+    triangles = int.from_bytes(data[80:84], "little")
+    is_text = kind == ".stl" and size != _HEADER + _TRIANGLE * triangles
+    if is_text or kind in (".obj", ".mtl"):
+        data = data.decode(errors="replace").encode()  # names in any encoding
+    return data
 
 
 def _prepare(file: Path, trimesh: Any, coacd: Any) -> PreparedMesh:
@@ -341,7 +347,7 @@ def _prepare(file: Path, trimesh: Any, coacd: Any) -> PreparedMesh:
     data = _bytes_of(file)
     try:
         scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=beside)
-        vertices, surfaces = _surfaces(file, scene, trimesh)
+        vertices, surfaces = _surfaces(file, scene)
     except DuoBenchError:
         raise
     except Exception as error:
@@ -355,29 +361,35 @@ def _prepare(file: Path, trimesh: Any, coacd: Any) -> PreparedMesh:
             "there, or remove the reference."
         )
     faces = np.vstack([one.faces for one in surfaces]).astype(np.int32)
-    mesh = Mesh(vertices, faces)
-    body = _closed(mesh) or mesh
+    body = _body(file, Mesh(vertices, faces))
     coacd.set_log_level("error")
-    parts = coacd.run_coacd(
-        coacd.Mesh(body.vertices, body.faces), threshold=CONCAVITY, seed=0
-    )
-    least = _FLAT**2 * np.ptp(vertices, axis=0).prod()
-    parts = [points for points, _ in parts if hull_of(points).volume() > least]
+    mesh = coacd.Mesh(body.vertices, body.faces)
+    parts = coacd.run_coacd(mesh, threshold=CONCAVITY, seed=0)
+    size = np.ptp(vertices, axis=0)
+    least = _FLAT**2 * size.prod()
     names = [file.name, *beside]
     return PreparedMesh(
         files={name: digest_of(file.parent / name.strip()) for name in names},
         concavity=CONCAVITY,
         vertices=_rows(vertices),
         surfaces=tuple(surfaces),
-        parts=tuple(_rows(_rounded(np.asarray(points))) for points in parts),
+        parts=tuple(
+            _rows(np.asarray(points).round(_decimals(size)))
+            for points, _ in parts
+            if hull_of(points).volume() > least
+        ),
     )
+
+
+def _decimals(size: Array) -> int:
+    return _DIGITS - int(np.log10(size.max()))
 
 
 def _rows(array: NDArray[Any]) -> tuple[Any, ...]:
     return tuple(map(tuple, array.tolist()))
 
 
-def _surfaces(file: Path, scene: Any, trimesh: Any) -> tuple[Array, list[Surface]]:
+def _surfaces(file: Path, scene: Any) -> tuple[Array, list[Surface]]:
     """Vertices of a scene, none of them twice, and its meshes, whose faces look outwards."""
     places = [scene.graph[node] for node in scene.graph.nodes_geometry]
     placed = [(scene.geometry[key], pose) for pose, key in places]
@@ -393,7 +405,9 @@ def _surfaces(file: Path, scene: Any, trimesh: Any) -> tuple[Array, list[Surface
     if not (np.isfinite(size).all() and size.min() > _FLAT * size.max()):
         edges = " x ".join(f"{edge:.4g}" for edge in size)
         raise AssetError(f"{file.name} is {edges} large: flat, or without numbers.")
-    vertices, merged = np.unique(_rounded(points), axis=0, return_inverse=True)
+    vertices, merged = np.unique(
+        points.round(_decimals(size)), axis=0, return_inverse=True
+    )
     merged = merged.ravel()
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)]).tolist()
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
@@ -405,13 +419,9 @@ def _surfaces(file: Path, scene: Any, trimesh: Any) -> tuple[Array, list[Surface
         raise AssetError(
             f"{file.name} has more than {MOST_AROUND} triangles around a corner; remesh it."
         )
-    body = trimesh.Trimesh(vertices, merged[corners], process=False)
-    if not body.is_winding_consistent:
-        trimesh.repair.fix_normals(body, multibody=True)
-    if body.volume < 0:
-        body.invert()
-    is_turned = body.faces[:, 0] != merged[corners[:, 0]]
-    corners[is_turned] = corners[is_turned, ::-1]
+    faces = merged[corners].astype(np.int32)
+    if manifold_from(Mesh(vertices, faces)).volume() < 0:
+        corners = corners[:, ::-1]
     return vertices, [
         _surface(
             meshes[number].visual,
@@ -444,8 +454,3 @@ def _surface(visual: Any, corners: NDArray[Any], faces: NDArray[Any]) -> Surface
         corners=at_corners,
         texture=stream.getvalue(),
     )
-
-
-def _rounded(points: Array) -> Array:
-    """Points to some digits of their largest coordinate."""
-    return points.round(_DIGITS - int(np.log10(np.abs(points).max())))

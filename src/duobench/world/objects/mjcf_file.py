@@ -1,8 +1,8 @@
 """Objects from files of MuJoCo: one top body in MJCF, with hinged bodies as its parts.
 
-MuJoCo reads the file, with its defaults, assets and masses; its compiled bodies become solids. They
-touch and are rendered as props are: contact parameters of the file are dropped, but for friction and
-condim that differ from MuJoCo's own. What would change the world around the object is refused.
+MuJoCo reads the file, with its defaults, assets and masses, and its compiled bodies become solids,
+which collide and are rendered as other props. Of contact parameters the file decides friction and
+condim, where they are not MuJoCo's own. What would change the world around the object is refused.
 """
 
 from __future__ import annotations
@@ -144,32 +144,25 @@ def _bodies(model: mujoco.MjModel) -> Iterator[str]:
     if model.nmeshface > MOST_TRIANGLES:
         yield f"it has {model.nmeshface} triangles, more than {MOST_TRIANGLES}"
     for number in range(1, model.nbody):
-        name = model.body(number).name
-        geoms = _geoms(model, number)
-        if any(geom.type[0] not in _SHAPES for geom in geoms):
-            yield f"its body {name!r} has a geom that is none of {', '.join(_SHAPES.values())}"
+        name, geoms = model.body(number).name, _geoms(model, number)
         surfaces = {(*geom.friction, *geom.condim) for geom in geoms if _is_felt(geom)}
-        if len(surfaces) != 1:
+        if any(geom.type[0] not in _SHAPES for geom in geoms) or len(surfaces) != 1:
             yield (
-                f"the geoms of its body {name!r} that collide have {len(surfaces)} kinds of "
-                "friction and condim, not one"
+                f"the geoms of its body {name!r} should be {', '.join(_SHAPES.values())}, and "
+                "those that collide, at least one, have one friction and condim"
             )
     for number in range(2, model.nbody):
         body, joint = model.body(number), model.joint(model.body_jntadr[number])
         if not body.name or body.parentid[0] != 1:
             yield f"its body {body.name!r} has no name, or hangs on another than the top body"
-        if (
-            body.jntnum[0] != 1
-            or joint.type[0] != _HINGE
-            or not model.jnt_limited[joint.id]
-        ):
-            yield f"its body {body.name!r} moves otherwise than on one hinge with a range"
-        others = (joint.frictionloss, joint.armature, joint.qpos0, joint.qpos_spring)
-        if any(map(np.any, others)):
+        lost = (joint.frictionloss, joint.armature, joint.qpos0, joint.qpos_spring)
+        if (body.jntnum[0], joint.type[0]) != (1, _HINGE) or any(map(np.any, lost)):
             yield (
-                f"the hinge of its body {body.name!r} has frictionloss, armature, ref or "
-                "springref; here a hinge has range, stiffness and damping"
+                f"its body {body.name!r} moves otherwise than on one hinge with a range, "
+                "stiffness and damping, and without frictionloss, armature, ref and springref"
             )
+        if not model.jnt_limited[joint.id]:
+            yield f"the hinge of its body {body.name!r} has no range"
 
 
 def _geoms(model: mujoco.MjModel, body: int) -> list[Any]:
