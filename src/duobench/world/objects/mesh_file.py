@@ -410,9 +410,10 @@ def _surfaces(file: Path, scene: Any) -> tuple[Array, list[Surface]]:
     )
     merged = merged.ravel()
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)]).tolist()
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    owner = np.repeat(np.arange(len(meshes)), [len(each) for each in faces])
-    corners = np.vstack(faces)
+    corners = np.vstack(
+        [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    )
+    owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
     is_whole = (merged[corners] != merged[np.roll(corners, 1, axis=1)]).all(axis=1)
     owner, corners = owner[is_whole], corners[is_whole]
     if np.bincount(merged[corners].ravel(), minlength=1).max() > MOST_AROUND:

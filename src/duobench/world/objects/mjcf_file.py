@@ -98,7 +98,8 @@ def mjcf_object(
         spec.compiler.fusestatic = True
         model = spec.compile()
     except ValueError as error:
-        raise AssetError(f"MuJoCo cannot read {path}: {error}.") from error
+        reason = " ".join(str(error).split())
+        raise AssetError(f"MuJoCo cannot read {path}: {reason}.") from error
     _check(path, _bodies(model))
     bodies = range(1, model.nbody)
     root, *solids = (_solid(model, body) for body in bodies)
@@ -122,9 +123,9 @@ def _scene(spec: mujoco.MjSpec) -> Iterator[str]:
     """Reasons why a file is not that of one object."""
     import mujoco
 
-    tops = spec.worldbody.bodies
-    if len(tops) != 1 or spec.worldbody.geoms:
-        yield f"beside one top body it has {len(tops) - 1} bodies, or geoms of the world"
+    tops, geoms = spec.worldbody.bodies, spec.worldbody.geoms
+    if len(tops) != 1 or geoms:
+        yield f"its world has {len(tops)} bodies and {len(geoms)} geoms, instead of one body"
     for kind in _REFUSED:
         if getattr(spec, kind):
             yield f"it has {kind}; remove them"
