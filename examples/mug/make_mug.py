@@ -4,8 +4,8 @@ from pathlib import Path
 
 import manifold3d
 
-from duobench.printing.formats import stl_bytes
-from duobench.world.objects.solid import mesh_of
+from duobench.printing import stl_bytes
+from duobench.world.objects import mesh_of
 
 RADIUS, HEIGHT, WALL = 0.032, 0.080, 0.004
 """Of the mug, in metres."""

@@ -8,8 +8,8 @@ Success: The mug stands on the coaster, where it was put, and no gripper touches
 import math
 
 from duobench.tasks import (
-    WOOD,
     ANY_YAW,
+    WOOD,
     Category,
     Placement,
     Prop,
