@@ -391,7 +391,7 @@ def _rows(array: NDArray[Any]) -> tuple[Any, ...]:
 
 def _surfaces(file: Path, scene: Any) -> tuple[Array, list[Surface]]:
     """Vertices of a scene, none of them twice, and its meshes, whose faces look outwards."""
-    places = [scene.graph[node] for node in scene.graph.nodes_geometry]
+    places = [scene.graph[node] for node in sorted(scene.graph.nodes_geometry)]
     placed = [(scene.geometry[key], pose) for pose, key in places]
     placed = [(mesh, pose) for mesh, pose in placed if hasattr(mesh, "faces")]
     count = sum(len(mesh.faces) for mesh, _ in placed)
