@@ -277,9 +277,8 @@ def _texture(model: mujoco.MjModel, geom: Any) -> Texture | None:
     shape = int(texture.height[0]), int(texture.width[0]), int(texture.nchannel[0])
     texels = model.tex_data[texture.adr[0] :][: math.prod(shape)].reshape(shape)
     rows = model.mesh_facetexcoord[mesh.faceadr[0] :][: mesh.facenum[0]].ravel()
+    channels = (0, 0, 0) if shape[2] == 1 else (0, 1, 2)
     return Texture(
-        texels=np.repeat(texels, 3, axis=2)[..., :3]
-        if shape[2] == 1
-        else texels[..., :3],
+        texels=texels[..., channels],
         corners=model.mesh_texcoord[mesh.texcoordadr[0] + rows],
     )

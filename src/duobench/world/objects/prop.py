@@ -2,11 +2,11 @@
 
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
-import numpy as np
+import msgspec
 
 from duobench.core.errors import FabricationError, TaskError, UnknownNameError
 from duobench.core.spatial import SE3
@@ -15,7 +15,6 @@ from duobench.world.objects.solid import Solid
 
 T = TypeVar("T")
 
-_DIGITS = 9
 MOST_TURNED = 4 * math.tau
 """Largest angle of a hinge, in radians: a knob turns a few times, and 90 was meant in degrees."""
 
@@ -161,27 +160,19 @@ class Prop:
 
 
 def digest_of(props: Iterable[Prop]) -> str:
-    """SHA-256 of all that objects are, wherever that was read; lengths count to a nanometre."""
-    digest = hashlib.sha256()
-    for part in _content(tuple(props)):
-        digest.update(part)
-    return digest.hexdigest()
-
-
-def _content(value: Any) -> Iterator[bytes]:
-    if is_dataclass(value):
-        yield type(value).__name__.encode()
-        value = [getattr(value, each.name) for each in fields(value)]
-    elif isinstance(value, Mapping):
-        value = [*value.items()]
-    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
-        value = value.round(_DIGITS) + 0.0  # no negative zero
-    if isinstance(value, np.ndarray):
-        yield f"{value.dtype} {value.shape}".encode()
-        yield value.tobytes()
-    elif isinstance(value, list | tuple):
-        yield str(len(value)).encode()
-        for part in value:
-            yield from _content(part)
-    else:
-        yield repr(value).encode()
+    """SHA-256 of all that objects are in a simulation, whatever that was read from."""
+    content = [
+        [
+            prop.name,
+            prop.fixed,
+            prop.choice,
+            dict(prop.variants),
+            prop.solid,
+            [[part.name, part.pose, part.hinge, part.solid] for part in prop.parts],
+        ]
+        for prop in props
+    ]
+    data = msgspec.msgpack.encode(
+        content, enc_hook=lambda array: [array.shape, array.tobytes()]
+    )
+    return hashlib.sha256(data).hexdigest()
