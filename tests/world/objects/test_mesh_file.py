@@ -292,6 +292,7 @@ WRONG: list[tuple[dict[str, Any], type[DuoBenchError], str]] = [
     ({"up": "x"}, UnknownNameError, "axis 'x'"),
     ({"mass": 150.0}, TaskError, "in kg, above 0 and at most 20; got 150"),
     ({"mass": -1.0}, TaskError, "in kg"),
+    ({"mass": "0.1"}, TaskError, "in kg"),
     ({"mass": float("nan")}, TaskError, "in kg"),
     ({"rgba": (255, 0, 0, 255)}, TaskError, "colour"),
     ({"texture": "no.png"}, AssetError, "no file"),

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -61,6 +62,8 @@ ENDING = ".parts.json"
 """Ending of the prepared mesh, after the name of the file."""
 CONCAVITY = 0.03
 """How far convex parts may stand out [CoACD]: they keep a mug's wall of 4 mm."""
+MOST_CORNERS = 256
+"""Most corners of a convex part."""
 _SCHEMA = 1
 _DIGITS = 5
 """Digits to which vertices count, of the longest edge."""
@@ -173,7 +176,7 @@ def check_size(file: Path, points: Array, mass: float | None, units: str = "m") 
             f"{file.name} is {edge:.4g} m long, read in {units}, and an object is {SMALLEST:g} to "
             f"{LONGEST:g} m long. It would be {others}."
         )
-    if mass is not None and not 0 < mass <= MOST_MASS:
+    if mass is not None and not (isinstance(mass, Real) and 0 < mass <= MOST_MASS):
         raise TaskError(
             f"The mass of {file.name} is in kg, above 0 and at most {MOST_MASS:g}; got {mass!r}."
         )
@@ -364,7 +367,9 @@ def _prepare(file: Path, trimesh: Any, coacd: Any) -> PreparedMesh:
     body = _body(file, Mesh(vertices, faces))
     coacd.set_log_level("error")
     mesh = coacd.Mesh(body.vertices, body.faces)
-    parts = coacd.run_coacd(mesh, threshold=CONCAVITY, seed=0)
+    parts = coacd.run_coacd(
+        mesh, threshold=CONCAVITY, decimate=True, max_ch_vertex=MOST_CORNERS, seed=0
+    )
     size = np.ptp(vertices, axis=0)
     least = _FLAT**2 * size.prod()
     names = [file.name, *beside]
