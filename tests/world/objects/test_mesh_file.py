@@ -102,10 +102,11 @@ def textured(folder: Path, colour: str) -> Path:
         for line in text.splitlines()
     )
     (folder / "box.obj").write_text(text)
-    (folder / "box.mtl").write_text("newmtl skin\nKd 0.1 0.1 0.1\nmap_Kd skin.png\n")
+    (folder / "box.mtl").write_text("newmtl skin\nKd 0.1 0.1 0.1\nmap_Kd maps\\skin.png\n")
     picture = Pillow.new("RGB", (8, 4), colour)
     picture.putpixel((0, 3), (0, 0, 255))
-    picture.save(folder / "skin.png")
+    (folder / "maps").mkdir(exist_ok=True)
+    picture.save(folder / "maps" / "skin.png")
     return folder / "box.obj"
 
 

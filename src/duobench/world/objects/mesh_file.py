@@ -78,7 +78,7 @@ Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Surface:
+class RenderedFaces:
     """What is rendered in one colour or with one texture."""
 
     faces: tuple[tuple[int, int, int], ...]
@@ -98,7 +98,7 @@ class PreparedMesh:
     """SHA-256 of each file that it was made of, by its name."""
     concavity: float
     vertices: tuple[Point, ...]
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[RenderedFaces, ...]
     parts: tuple[tuple[Point, ...], ...]
     """Corners of each convex part."""
 
@@ -241,7 +241,11 @@ def _body(file: Path, mesh: Mesh) -> Mesh:
 
 
 def _image(
-    file: Path, surface: Surface, mesh: Mesh, rgba: Colour | None, chosen: Path | None
+    file: Path,
+    surface: RenderedFaces,
+    mesh: Mesh,
+    rgba: Colour | None,
+    chosen: Path | None,
 ) -> Image:
     data = surface.texture if chosen is None else chosen.read_bytes()
     if rgba is not None or not data:
@@ -301,7 +305,7 @@ def _prepared(file: Path) -> PreparedMesh:
 def _saved(path: Path) -> PreparedMesh | None:
     try:
         prepared = read(path, PreparedMesh, _SCHEMA)
-        now = {name: digest_of(path.with_name(name)) for name in prepared.files}
+        now = {name: digest_of(path.parent / name) for name in prepared.files}
     except (FileError, OSError):
         return None
     is_same = prepared.files == now and prepared.concavity == CONCAVITY
@@ -313,16 +317,18 @@ class _Beside(dict[str, bytes]):
 
     def __init__(self, file: Path) -> None:
         super().__init__()
+        self.digests = {file.name: digest_of(file)}
         self.missing: list[str] = []
         self._folder = file.parent.resolve()
 
     def __missing__(self, name: str) -> bytes:
-        path = (self._folder / name.strip()).resolve()
+        name = name.strip().replace("\\", "/")
+        path = (self._folder / name).resolve()
         if not path.is_relative_to(self._folder) or not path.is_file():
             self.missing.append(name)
             raise FileNotFoundError(name)
-        self[name] = data = _bytes_of(path)
-        return data
+        self.digests[name] = digest_of(path)
+        return _bytes_of(path)
 
     def get(self, name: str, _default: object = None) -> bytes:
         """A file, as trimesh asks for a texture."""
@@ -372,9 +378,8 @@ def _prepare(file: Path, trimesh: Any, coacd: Any) -> PreparedMesh:
     )
     size = np.ptp(vertices, axis=0)
     least = _FLAT**2 * size.prod()
-    names = [file.name, *beside]
     return PreparedMesh(
-        files={name: digest_of(file.parent / name.strip()) for name in names},
+        files=beside.digests,
         concavity=CONCAVITY,
         vertices=_rows(vertices),
         surfaces=tuple(surfaces),
@@ -394,7 +399,7 @@ def _rows(array: NDArray[Any]) -> tuple[Any, ...]:
     return tuple(map(tuple, array.tolist()))
 
 
-def _surfaces(file: Path, scene: Any) -> tuple[Array, list[Surface]]:
+def _surfaces(file: Path, scene: Any) -> tuple[Array, list[RenderedFaces]]:
     """Vertices of a scene, none of them twice, and its meshes, whose faces look outwards."""
     places = [scene.graph[node] for node in sorted(scene.graph.nodes_geometry)]
     placed = [(scene.geometry[key], pose) for pose, key in places]
@@ -438,7 +443,7 @@ def _surfaces(file: Path, scene: Any) -> tuple[Array, list[Surface]]:
     ]
 
 
-def _surface(visual: Any, corners: NDArray[Any], faces: NDArray[Any]) -> Surface:
+def _surface(visual: Any, corners: NDArray[Any], faces: NDArray[Any]) -> RenderedFaces:
     """What a mesh looks like, by its corners in rows of its own, and its faces."""
     material, places = getattr(visual, "material", None), getattr(visual, "uv", None)
     picture = getattr(material, "baseColorTexture", None)
@@ -454,7 +459,7 @@ def _surface(visual: Any, corners: NDArray[Any], faces: NDArray[Any]) -> Surface
     if material is not None or visual.defined:
         red, green, blue, _ = ((material or visual).main_color / 255).tolist()
         colour = red, green, blue, 1.0
-    return Surface(
+    return RenderedFaces(
         faces=_rows(faces),
         rgba=colour,
         corners=at_corners,
