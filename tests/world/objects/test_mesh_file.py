@@ -83,6 +83,12 @@ def test_a_box_of_any_format_is_the_same(tmp_path: Path, name: str) -> None:
     assert compose((prop,)).compile().body(prop.name).mass == pytest.approx(0.12)
 
 
+def test_an_axis_of_the_file_may_point_up(tmp_path: Path) -> None:
+    prop = made(tmp_path, "box.obj", obj(VERTICES, FACES), up="y")
+    edges = np.ptp(printable(prop.solid).vertices, axis=0)
+    assert edges == pytest.approx([0.03, 0.05, 0.04])
+
+
 def test_colours_of_a_scene_are_kept_unless_one_is_given(tmp_path: Path) -> None:
     own = made(tmp_path, "box.glb", glb(), units=None).solid
     assert [image.rgba[:2] for image in own.images] == [(1.0, 0.0), (0.0, 1.0)]
