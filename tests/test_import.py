@@ -52,6 +52,7 @@ HEAVY = {
     "glfw",
     "matplotlib",
     "trimesh",
+    "coacd",
     "manifold3d",
     "mink",
     "PIL",

@@ -44,7 +44,8 @@ SURFACE = {
     "duobench.world.objects": """
         BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Piece Prop
         RED Shape Solid Mesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder
-        hull images_of long_block mass_properties mesh_of pieces_of printable prism ring_wall sphere
+        hull images_of long_block mass_properties mesh_object mesh_of mjcf_object
+        pieces_of printable prism ring_wall sphere
     """,
     "duobench.policy": """
         BASELINES BatchPolicy Batching HoldPolicy Policy PolicyMetadata RandomPolicy Session
@@ -63,7 +64,8 @@ SURFACE = {
         Side Solid Stage StateView Support TABLE Task Uniform Variant View WHITE WOOD YELLOW
         all_of any_of arm_touches around at_least block box carriage circle corner_points cube
         cylinder get grasped grasped_apart handover held_for hinge_open hull inserted inside
-        joining lifted lifted_by_any long_block low_over names off_table passage placed pouring
+        joining lifted lifted_by_any long_block low_over mesh_object mjcf_object
+        names off_table passage placed pouring
         prism put raised released rests_on ring_wall rolling since sphere still support touches
         touching upright variant
     """,

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import shlex
+import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +14,9 @@ from typing import Any
 import pytest
 
 from duobench.tasks import catalog
-from tests.docs.markdown import blocks, page_of, run
+from duobench.world.objects import mass_properties
+from duobench.world.sim.simulation import Simulation
+from tests.docs.markdown import ROOT, blocks, page_of, run
 from tests.task_harness import TaskHarness
 
 PAGE = page_of("add_a_task")
@@ -46,6 +51,21 @@ def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str])
     assert names["env"].get_wrapper_attr("definition") is catalog.get(module)
     assert names["env"].get_wrapper_attr("task") == "stack_cube"
     names["env"].close()
+
+
+def test_its_objects_come_from_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mug is that of the example, with its parts; the case opens as the page says."""
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    for file in (ROOT / "examples" / "mug").glob("mug.stl*"):
+        shutil.copy(file, tmp_path)
+    (source,) = blocks(PAGE, "xml")
+    (tmp_path / "case.xml").write_text(source, encoding="utf-8")
+    (tmp_path / "from_files.py").write_text(_block("mjcf_object("), encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    made = importlib.import_module("from_files")
+    sim = Simulation((made.MUG, made.CASE))
+    assert sim.angle("case/lid") == 0.0
+    assert mass_properties(made.MUG.solid).mass == pytest.approx(0.15)
 
 
 @pytest.mark.long

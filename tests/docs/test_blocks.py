@@ -12,7 +12,7 @@ from tests.docs.markdown import PAGES, ROOT, text_of
 RUN_BY = {
     "tests/test_readme.py": "README: sh python text; commands: sh python; install: sh",
     "tests/docs/test_citation.py": "README: bibtex",
-    "tests/docs/test_add_a_task.py": "add_a_task: sh python",
+    "tests/docs/test_add_a_task.py": "add_a_task: sh python xml",
     "tests/docs/test_drawn.py": "looks: python",
     "tests/docs/test_environments.py": "environments: python; reinforcement_learning: python",
     "tests/docs/test_examples.py": "comparison: sh; policies: sh python; "

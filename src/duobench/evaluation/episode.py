@@ -41,6 +41,8 @@ from duobench.results.journal import EpisodeTimes
 from duobench.results.records import NOT_REPEATABLE, FirstAnswer, Record
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
+from duobench.tasks import catalog
+from duobench.world.objects.prop import digest_of
 from duobench.world.sim.rendering import describe
 
 _log = logging.getLogger(__name__)
@@ -227,14 +229,20 @@ class EpisodeRunner:
             config=config,
             batching=source.batching,
         )
-        references = (task.reference for task in job.suite.tasks)
-        modules = {each.partition(":")[0] for each in references if ":" in each}
+        references = [task.reference for task in job.suite.tasks]
+        own = sorted({each for each in references if ":" in each})
+        with before_policy(", ".join(own)):
+            objects = {
+                f"objects of {each}": digest_of(catalog.get(each).props) for each in own
+            }
+        modules = {each.partition(":")[0] for each in own}
         self.run = Run(
             candidates=(candidate,),
             suite=job.suite,
             limits=job.limits,
             versions=package_versions(),
-            sources=source_hashes(sorted(modules), is_scripted=choice.kind.is_scripted),
+            sources=objects
+            | source_hashes(sorted(modules), is_scripted=choice.kind.is_scripted),
             package=package_source(),
         )
         kind = (

@@ -7,15 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image as Pillow
 
 from duobench.core.errors import AssetError, UnknownNameError
 from duobench.core.spatial import SE3
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import LOOKS, look
 from duobench.world.looks.look import CameraOffset, Light, Look, Material
+from duobench.world.objects import WHITE, Image, Prop, Solid, block, box, printable
+from duobench.world.objects.solid import Texture
 from duobench.world.robot.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
 from duobench.world.sim.backend import SimBackend
+from duobench.world.sim.layout import Layout
 from duobench.world.sim.rendering import Renderer
 from duobench.world.sim.simulation import Simulation
 from tests.envs.tools import arrays
@@ -201,7 +204,7 @@ def test_an_image_file_is_a_background(
     simulation: Simulation, renderer: Renderer, draw: Draw, tmp_path: Path
 ) -> None:
     path = tmp_path / "green.png"
-    Image.new("RGB", (20, 10), (0, 255, 0)).save(path)
+    Pillow.new("RGB", (20, 10), (0, 255, 0)).save(path)
     image = draw(Look(parts={"walls": Material(image=str(path))}), OVERVIEW)
     walls = np.isin(
         renderer.segment(simulation.data, OVERVIEW),
@@ -244,3 +247,23 @@ def test_the_mean_of_several_samples_has_the_look_too(simulation: Simulation) ->
         plain = renderer.render(simulation.data, OVERVIEW)
         renderer.set_look(replace(look("wood_table"), noise=0.01))
         assert not np.array_equal(renderer.render(simulation.data, OVERVIEW), plain)
+
+
+def test_a_texture_of_an_object_is_rendered_unless_a_look_has_another() -> None:
+    mesh = printable(block(0.1, 0.1, 0.1, WHITE))
+    texels = np.zeros((2, 1, 3), dtype=np.uint8)
+    texels[0, 0] = (0, 255, 0)  # the upper half of the picture
+    corners = np.full((3 * len(mesh.faces), 2), 0.1, dtype=np.float32)
+    images = []
+    for texture in (Texture(texels=texels, corners=corners), None):
+        image = Image(mesh=mesh, rgba=(1.0, 1.0, 1.0, 1.0), texture=texture)
+        solid = Solid(shapes=(box(0.1, 0.1, 0.1),), rgba=WHITE, images=(image,))
+        one = Simulation((Prop(name="block", solid=solid),))
+        one.apply(Layout(poses={"block": SE3.at(0.5, 0.0, 0.05)}, variants={}))
+        with Renderer(one.model, height=SIZE, width=SIZE) as renderer:
+            for name in ("default", "textured_objects"):
+                renderer.set_look(look(name))
+                images.append(renderer.render(one.data, HEAD).astype(int))
+    own, other, plain, other_of_plain = images
+    assert ((own[..., 1] > own[..., 0] + 60) & (own != plain).any(axis=2)).sum() > 20
+    assert np.array_equal(other, other_of_plain)

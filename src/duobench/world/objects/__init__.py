@@ -23,6 +23,8 @@ if TYPE_CHECKING:
         cube as cube,
         long_block as long_block,
     )
+    from duobench.world.objects.mesh_file import mesh_object as mesh_object
+    from duobench.world.objects.mjcf_file import mjcf_object as mjcf_object
     from duobench.world.objects.prop import (
         Hinge as Hinge,
         Part as Part,
@@ -71,6 +73,8 @@ else:
                 "cube",
                 "long_block",
             ],
+            "duobench.world.objects.mesh_file": ["mesh_object"],
+            "duobench.world.objects.mjcf_file": ["mjcf_object"],
             "duobench.world.objects.prop": ["Hinge", "Part", "Prop", "Variant"],
             "duobench.world.objects.shapes": [
                 "Colour",

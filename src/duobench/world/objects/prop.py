@@ -1,9 +1,12 @@
 """Prop: an object that a task puts on the table, as a small tree of rigid parts."""
 
+import hashlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
+
+import msgspec
 
 from duobench.core.errors import FabricationError, TaskError, UnknownNameError
 from duobench.core.spatial import SE3
@@ -154,3 +157,22 @@ class Prop:
     def part_name(self, part: str) -> str:
         """Full name of a part's body and hinge."""
         return f"{self.name}/{part}"
+
+
+def digest_of(props: Iterable[Prop]) -> str:
+    """SHA-256 of all that objects are in a simulation, whatever that was read from."""
+    content = [
+        [
+            prop.name,
+            prop.fixed,
+            prop.choice,
+            dict(prop.variants),
+            prop.solid,
+            [[part.name, part.pose, part.hinge, part.solid] for part in prop.parts],
+        ]
+        for prop in props
+    ]
+    data = msgspec.msgpack.encode(
+        content, enc_hook=lambda array: [array.shape, array.tobytes()]
+    )
+    return hashlib.sha256(data).hexdigest()

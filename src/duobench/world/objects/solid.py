@@ -53,15 +53,33 @@ class Mesh:
     slots=True,
     eq=False,
 )
+class Texture:
+    """A texture on a mesh."""
+
+    texels: NDArray[np.uint8]
+    """Texels (height, width, 3), red green blue."""
+    corners: NDArray[np.float32]
+    """Coordinates (3 m, 2) at the corners of the triangles, one triangle after the other: of the
+    width from the left, and of the height from above."""
+
+
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
 class Image:
-    """A part of what is rendered, in one colour."""
+    """A part of what is rendered, in one colour or with a texture."""
 
     mesh: Mesh
     """Mesh that is rendered."""
     rgba: Colour
-    """Red, green, blue and opacity, each 0 to 1."""
+    """Red, green, blue and opacity, each 0 to 1; a texture is multiplied with it."""
     shadow: bool = True
     """Whether it casts one."""
+    texture: Texture | None = None
+    """Texture, if it has one."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -107,6 +125,8 @@ class Solid:
     """Density in kg/m³."""
     mass: float | None = None
     """Mass in kg, where the volume does not decide it."""
+    inertial: MassProperties | None = None
+    """Mass, centre and inertia, where they do not follow from the volume."""
     friction: tuple[float, float, float] = (PLASTIC_FRICTION, 0.005, 0.0001)
     """Sliding, torsional (metres) and rolling (metres) friction."""
     condim: int = 3
@@ -149,8 +169,15 @@ def manifold_of(shape: Shape) -> manifold3d.Manifold:
     elif shape.kind is ShapeKind.SPHERE:
         local = m.sphere(shape.size[0], CIRCLE_SEGMENTS)
     else:
-        local = m.hull_points([list(p) for p in shape.points])
+        local = hull_of(shape.points)
     return placed(local, shape.pose)
+
+
+def hull_of(points: Iterable[Iterable[float]]) -> manifold3d.Manifold:
+    """The convex hull of points as an exact solid."""
+    import manifold3d
+
+    return manifold3d.Manifold.hull_points([list(point) for point in points])
 
 
 def placed(manifold: manifold3d.Manifold, pose: SE3) -> manifold3d.Manifold:
@@ -229,6 +256,8 @@ def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
 @lru_cache(maxsize=256)
 def mass_properties(solid: Solid) -> MassProperties:
     """Mass properties of the printable mesh, with the solid's density, or scaled to its mass."""
+    if solid.inertial is not None:
+        return solid.inertial
     mesh = printable(solid)
     # The solid is the signed sum of the tetrahedra that its triangles span with the origin. The
     # sums over triangles are exact: they do not depend on the order of the triangles.

@@ -124,6 +124,8 @@ cups at all yaws: it leaves a seventh of the leaks, and 1 mm or 2.5 mm would lea
 
 _LEVEL = 0.999
 """A normal with a larger upward component belongs to a floor."""
+_MOST_FLOORS = 100
+"""Most heights of floors; a mesh with more of them is round, not terraced."""
 _DIGITS = 6
 """Digits after the point, in metres, to which the height of a floor counts."""
 
@@ -183,7 +185,10 @@ def _fill(
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     kinds = [shape.kind for shape in solid.shapes]
     rendered_alone = (
-        solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
+        solid.mesh is None
+        and not solid.images
+        and len(kinds) == 1
+        and kinds[0] in _RENDERED_WELL
     )
     for number, shape in enumerate(solid.shapes):
         geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
@@ -195,13 +200,15 @@ def _fill(
     if not rendered_alone:
         for number, image in enumerate(_images(solid)):
             name = f"{body.name}:image{number}"
-            add_visual_mesh(
-                spec, name, add_ribs(image.mesh) if image.shadow else image.mesh
-            )
+            is_ribbed = image.shadow and image.texture is None
+            mesh = add_ribs(image.mesh) if is_ribbed else image.mesh
+            add_visual_mesh(spec, name, mesh, texture=image.texture)
             geom = body.add_geom(
                 name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name
             )
             geom.rgba = image.rgba
+            if image.texture is not None:
+                geom.material = name
             visual_only(geom, shadow=image.shadow)
 
 
@@ -244,6 +251,8 @@ def add_ribs(mesh: Mesh) -> Mesh:
     level = across[:, 2] > _LEVEL * np.linalg.norm(across, axis=1)
     # Nothing stands on the highest one.
     floors = np.unique(corners[level, 0, 2].round(_DIGITS))[:-1]
+    if len(floors) > _MOST_FLOORS:
+        return mesh
     solid = manifold_from(mesh)
     vertices = [mesh.vertices]
     faces = [mesh.faces]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import AssetError, check_known
 from duobench.core.types import Array
-from duobench.world.objects.solid import Mesh
+from duobench.world.objects.solid import Mesh, Texture
 from duobench.world.robot.fr3_links import Link, Vector
 
 FILE = "robot_meshes.npz"
@@ -150,23 +150,30 @@ def _unit(vectors: Array) -> Array:
 
 
 def add_visual_mesh(
-    spec: mujoco.MjSpec, name: str, mesh: Mesh, crease: float = CREASE
+    spec: mujoco.MjSpec,
+    name: str,
+    mesh: Mesh,
+    crease: float = CREASE,
+    texture: Texture | None = None,
 ) -> str:
     """Add a mesh with normals to a model under construction, and return its name.
 
     MuJoCo takes one normal a vertex, so a vertex on a sharp edge is there once for each side. The
-    crease is the largest angle in radians between triangles that looks round.
+    crease is the largest angle in radians between triangles that looks round. With a texture, a
+    texture and a material of the same name are added too.
     """
     vertices, faces = mesh.vertices, mesh.faces
     normals = corner_normals(vertices, faces, crease)
     keys = np.column_stack([faces.ravel(), np.rint(normals / _SAME)])
+    if texture is not None:
+        keys = np.column_stack([keys, texture.corners])
     _, first, corners = np.unique(
         keys,
         axis=0,
         return_index=True,
         return_inverse=True,
     )
-    spec.add_mesh(
+    added = spec.add_mesh(
         name=name,
         uservert=vertices[faces.ravel()[first]].ravel(),
         usernormal=normals[first].ravel(),
@@ -174,4 +181,22 @@ def add_visual_mesh(
         # It carries no mass, so it may be open.
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
+    if texture is not None:
+        added.usertexcoord = texture.corners[first].ravel()
+        added.userfacetexcoord = added.userface
+        add_texture(spec, name, texture.texels)
     return name
+
+
+def add_texture(spec: mujoco.MjSpec, name: str, texels: NDArray[np.uint8]) -> None:
+    """Add a flat texture (height, width, 3) to a model, and a material of its name that has it."""
+    spec.add_texture(
+        name=name,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        height=texels.shape[0],
+        width=texels.shape[1],
+        nchannel=3,
+        data=texels.ravel().tolist(),
+    )
+    material = spec.add_material(name=name)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
