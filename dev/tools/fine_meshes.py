@@ -22,18 +22,15 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from dev.tools.meshes import DIGESTS, SEAMS
 from duobench.core.types import Array
-from duobench.world.robot.gripper import GRIPPER
 from duobench.world.scene import fine_meshes
-from duobench.world.scene.fine_meshes import FINISHES, NORMAL_STEPS, PAD, FineMesh
+from duobench.world.scene.fine_meshes import NORMAL_STEPS, PAD, FineMesh
 from duobench.world.scene.gripper import PAD_SIZE, PADS
 from duobench.world.scene.meshes import POINTS_PER_METRE
-from duobench.world.scene.surfaces import visual_only
 
 Recipe = Mapping[str, Mapping[str, str]]
 
@@ -202,7 +199,7 @@ def reduced(whole: _Surface, error_mm: float) -> _Surface:
         *(None, 0, error_mm / 1000, _ABSOLUTE, None),
     )
     faces = kept[:count].reshape(-1, 3)
-    corners = vertices[faces, :3]
+    corners = vertices[faces, :3].astype(np.float64)
     return replace(
         whole,
         corners=corners,
@@ -286,38 +283,6 @@ def _of_quads(quads: Array, normals: Array, key: tuple[str, str]) -> _Surface:
         normals=normals[:, halves].reshape(-1, 3, 3),
         parts=np.zeros(2 * len(quads), dtype=np.int64),
     )
-
-
-def exchange(spec: mujoco.MjSpec, meshes: Iterable[FineMesh]) -> None:
-    """Put fine meshes in the place of the images of a model under construction."""
-    by_image: dict[str, list[FineMesh]] = {}
-    for mesh in meshes:
-        by_image.setdefault(mesh.image, []).append(mesh)
-        spec.add_mesh(
-            name=mesh.name,
-            uservert=mesh.vertices.ravel(),
-            usernormal=mesh.normals.ravel(),
-            userface=mesh.faces.ravel().astype(np.int32),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-    pads: set[str] = set()
-    for geom in list(spec.geoms):
-        body = geom.parent
-        is_pad = body.name.rpartition("/")[2] in GRIPPER.pads and body.name not in pads
-        if is_pad:
-            pads.add(body.name)
-        for mesh in by_image.get(PAD if is_pad else geom.meshname, []):
-            shown = body.add_geom(
-                name=f"{body.name}:{mesh.name}",
-                type=mujoco.mjtGeom.mjGEOM_MESH,
-                meshname=mesh.name,
-                pos=geom.pos,
-                quat=geom.quat,
-                rgba=FINISHES[mesh.finish].rgba,
-            )
-            visual_only(shown)
-        if geom.meshname in by_image:
-            spec.delete(geom)
 
 
 def meshes_of(surfaces: Iterable[_Surface]) -> list[FineMesh]:

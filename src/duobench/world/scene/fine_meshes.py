@@ -10,7 +10,6 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -21,6 +20,7 @@ from duobench.core.spatial import SE3
 from duobench.world.objects.shapes import Colour
 from duobench.world.robot.gripper import GRIPPER
 from duobench.world.scene.meshes import POINTS_PER_METRE
+from duobench.world.scene.surfaces import visual_only
 
 FILE = "robot_meshes_fine.npz"
 """The data, uncompressed, since wheels compress what they hold: `names` (k,), `images` (k,) and
@@ -87,16 +87,6 @@ class FineMesh:
             array.setflags(write=False)
 
 
-class FinePart(NamedTuple):
-    """A fine mesh on a geom of a compiled model."""
-
-    geom: int
-    """Number of the geom, which it stands for and moves with."""
-    mesh: FineMesh
-    """The mesh, in the frame of the geom: `data.geom_xpos` and `data.geom_xmat` are its pose. It is
-    the same object for all geoms that show it."""
-
-
 @functools.cache
 def fine_meshes() -> tuple[FineMesh, ...]:
     """Return all meshes, read once per process."""
@@ -145,42 +135,81 @@ def decode(data: bytes) -> tuple[FineMesh, ...]:
     )
 
 
-def fine_parts(model: mujoco.MjModel) -> list[FinePart]:
-    """Return what is seen of the robot of a compiled model, in the order of its geoms.
+class FineRobot:
+    """What is seen of the robot of a compiled model, as a model of images alone.
 
-    The geoms with a part have none but these images; a renderer leaves their own away.
+    Its geoms follow those of the robot, whose own images a renderer leaves away.
+
+    Args:
+        model: The compiled model.
     """
-    by_image: dict[str, list[FineMesh]] = {}
-    for mesh in fine_meshes():
-        by_image.setdefault(mesh.image, []).append(mesh)
-    of_asset: dict[int, list[FineMesh]] = {}
-    parts: list[FinePart] = []
-    for geom, (asset, body) in enumerate(
-        zip(model.geom_dataid.tolist(), model.geom_bodyid.tolist(), strict=True)
-    ):
-        if _is_first_of_pad(model, geom, body):
-            parts += [FinePart(geom, mesh) for mesh in by_image[PAD]]
-        elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-            if asset not in of_asset:
-                found = by_image.get(model.mesh(asset).name, [])
-                of_asset[asset] = [_in_frame(mesh, model, asset) for mesh in found]
-            parts += [FinePart(geom, mesh) for mesh in of_asset[asset]]
-    return parts
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        by_image: dict[str, list[FineMesh]] = {}
+        for mesh in fine_meshes():
+            by_image.setdefault(mesh.image, []).append(mesh)
+        spec = mujoco.MjSpec()
+        found: list[tuple[int, SE3, FineMesh]] = []
+        for geom in range(model.ngeom):
+            image, frame = _image(model, geom)
+            found += [(geom, frame, mesh) for mesh in by_image.get(image, [])]
+        for _, _, mesh in found:
+            add_fine_mesh(spec, spec.worldbody, mesh)
+        self.model = spec.compile()
+        """Its geoms are in the order of those that they follow."""
+        self.data = mujoco.MjData(self.model)
+        """Where they are, once they have followed."""
+        self.geoms = np.array([geom for geom, _, _ in found], dtype=np.int64)
+        """For every geom, the one of the robot that it follows."""
+        self.finishes = tuple(mesh.finish for _, _, mesh in found)
+        """For every geom, the name of its finish."""
+        offsets = [
+            frame.inverse() @ _frame(self.model, asset)
+            for (_, frame, _), asset in zip(found, self.model.geom_dataid, strict=True)
+        ]
+        self._shifts = np.array([offset.translation for offset in offsets])
+        self._turns = np.array([offset.rotation for offset in offsets])
+
+    def follow(self, data: mujoco.MjData) -> None:
+        """Take the poses of a state of the robot, whose kinematics are up to date."""
+        turns = data.geom_xmat[self.geoms].reshape(-1, 3, 3)
+        shifts = np.einsum("gij,gj->gi", turns, self._shifts)
+        self.data.geom_xpos[:] = data.geom_xpos[self.geoms] + shifts
+        turned = np.einsum("gij,gjk->gik", turns, self._turns)
+        self.data.geom_xmat[:] = turned.reshape(-1, 9)
 
 
-def _is_first_of_pad(model: mujoco.MjModel, geom: int, body: int) -> bool:
+def add_fine_mesh(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, mesh: FineMesh
+) -> mujoco.MjsGeom:
+    """Add a fine mesh to a body, in its finish's colour; the model has it once."""
+    if spec.mesh(mesh.name) is None:
+        spec.add_mesh(
+            name=mesh.name,
+            uservert=mesh.vertices.ravel(),
+            usernormal=mesh.normals.ravel(),
+            userface=mesh.faces.ravel().astype(np.int32),
+            # It carries no mass, so it may be open.
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+    geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name)
+    geom.rgba = FINISHES[mesh.finish].rgba
+    visual_only(geom)
+    return geom
+
+
+def _image(model: mujoco.MjModel, geom: int) -> tuple[str, SE3]:
+    """What a geom shows, and the pose of the geom in the frame of that."""
+    body = int(model.geom_bodyid[geom])
     name = model.body(body).name.rpartition("/")[2]
-    return name in GRIPPER.pads and model.body_geomadr[body] == geom
+    if name in GRIPPER.pads and model.body_geomadr[body] == geom:
+        return PAD, SE3()
+    asset = int(model.geom_dataid[geom])
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH or asset < 0:
+        return "", SE3()
+    return model.mesh(asset).name, _frame(model, asset)
 
 
-def _in_frame(mesh: FineMesh, model: mujoco.MjModel, asset: int) -> FineMesh:
-    """A mesh in the frame to which the engine has turned the one that it stands for."""
-    turn = SE3.from_wxyz(model.mesh_quat[asset], model.mesh_pos[asset]).inverse()
-    return FineMesh(
-        name=mesh.name,
-        image=mesh.image,
-        finish=mesh.finish,
-        vertices=turn.apply(mesh.vertices).astype(np.float32),
-        normals=(mesh.normals @ turn.rotation.T).astype(np.float32),
-        faces=mesh.faces,
-    )
+def _frame(model: mujoco.MjModel, asset: int) -> SE3:
+    """The frame to which the engine has turned a mesh."""
+    return SE3.from_wxyz(model.mesh_quat[asset], model.mesh_pos[asset])
