@@ -14,7 +14,6 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import io
-import itertools
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -93,21 +92,25 @@ are seen in its place, with their finishes; links 0 to 7 come first."""
 ERROR_MM, NORMAL_WEIGHT = 0.4, 0.3
 """How far in millimetres a reduced surface may be from the published one, and how much a change of
 its normals counts beside that: without it, narrow rounded edges go, and shading gets wrinkles."""
-COARSER_MM: Mapping[str, float] = {
+ERRORS_MM: Mapping[str, float] = {
     "fr3/link0_3:visual": 0.8,  # screws and plugs of the base, which no camera is near
     "fr3/link6_1:visual": 0.5,
     "fr3/link7_1:visual": 0.6,
     "robotiq_2f85/base:visual": 0.8,
     "robotiq_2f85/base_coupling:visual": 1.5,
+    "robotiq_2f85/follower:visual": 0.3,
+    "robotiq_2f85/tongue:visual": 0.2,
 }
-"""The same of what has much that hardly shows, by first image."""
+"""The same by first image, of what has much that hardly shows, and of what is near a camera."""
 SMOOTH = math.cos(math.radians(40.0))
 """Published normals that are turned by less against a triangle are its own: cosine."""
 RING_INSET, RING_REACH, RING_SIDES = 0.002, 0.007, 48
 """How much in metres the ring in a gap is smaller than the links' rims, and reaches into both; and
 its number of sides."""
-PAD_PROUD, PAD_INSET, PAD_BEVEL = 0.0001, 0.0002, 0.0008
+PAD_PROUD, PAD_INSET, PAD_BEVEL = 0.0002, 0.0007, 0.0006
 """By how much in metres a pad stands out of the tongue, is narrower, and has its edges cut."""
+PAD_CORNER, PAD_STEPS = 0.0026, 7
+"""Radius of its corners in metres, as the tongue's, and the points of each."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -249,30 +252,50 @@ def ring(number: int, image: str) -> _Surface:
     up = np.array([0.0, 0.0, RING_REACH])
     middle = np.array([0.0, 0.0, height])
     low = middle + (radius - RING_INSET) * around - up
-    quads = low, np.roll(low, -1, 0), np.roll(low, -1, 0) + 2 * up, low + 2 * up
-    outward = around, np.roll(around, -1, 0), np.roll(around, -1, 0), around
-    return _of_quads(np.stack(quads, 1), np.stack(outward, 1), (image, "joint"))
+    return _of_quads(
+        _strip(low, low + 2 * up), _strip(around, around), (image, "joint")
+    )
 
 
 def pad() -> _Surface:
-    """A pad with cut edges, in the frame of the first of the boxes that grasp."""
-    half = np.array([PAD_SIZE[0], PAD_SIZE[1], PAD_SIZE[2] + (PADS[1] - PADS[0]) / 2])
-    centre = np.array([0.0, 0.0, (PADS[1] - PADS[0]) / 2])
-    half[1:] -= PAD_INSET
-    face = half[0] + PAD_PROUD
-    signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    outlines = [
-        centre + np.column_stack([np.full(4, x), signs * (half[1:] - cut)])
-        for x, cut in ((0.0, 0.0), (face - PAD_BEVEL, 0.0), (face, PAD_BEVEL))
-    ]
-    quads = [outlines[-1]]
-    for low, high in itertools.pairwise(outlines):
-        for one in range(4):
-            other = (one + 1) % 4
-            quads.append(np.array([low[one], low[other], high[other], high[one]]))
-    found = np.array(quads)
-    flat = _unit(np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0]))
-    return _of_quads(found, np.repeat(flat[:, None], 4, axis=1), (PAD, "rubber"))
+    """A pad with round corners, in the frame of the first of the boxes that grasp."""
+    length = PADS[1] - PADS[0]
+    half = np.array([PAD_SIZE[1], PAD_SIZE[2] + length / 2]) - PAD_INSET - PAD_CORNER
+    angles = (
+        np.linspace(0.0, math.pi / 2, PAD_STEPS) + np.arange(4)[:, None] * math.pi / 2
+    )
+    outward = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])[:, None]
+    face = PAD_SIZE[0] + PAD_PROUD
+    low, edge, high = (
+        _outline(height, signs * half + (PAD_CORNER - cut) * outward, length / 2)
+        for height, cut in ((0.0, 0.0), (face - PAD_BEVEL, 0.0), (face, PAD_BEVEL))
+    )
+    sideways, up = _outline(0.0, outward), np.array([1.0, 0.0, 0.0])
+    slanted = _unit(sideways + up)
+    half_way = len(high) // 2
+    there, back = high[:half_way], high[half_way:][::-1]
+    cap = np.stack([there[:-1], there[1:], back[1:], back[:-1]], axis=1)
+    quads = np.concatenate([_strip(low, edge), _strip(edge, high), cap])
+    normals = np.concatenate(
+        [
+            _strip(sideways, sideways),
+            _strip(slanted, slanted),
+            np.broadcast_to(up, cap.shape),
+        ]
+    )
+    return _of_quads(quads, normals, (PAD, "rubber"))
+
+
+def _outline(height: float, around: Array, middle: float = 0.0) -> Array:
+    """Points across the x axis at a height along it, moved along z."""
+    flat = around.reshape(-1, 2)
+    return np.column_stack([np.full(len(flat), height), flat + np.array((0.0, middle))])
+
+
+def _strip(low: Array, high: Array) -> Array:
+    """The quads between two closed lines, counter-clockwise from outside."""
+    return np.stack([low, np.roll(low, -1, 0), np.roll(high, -1, 0), high], axis=1)
 
 
 def _of_quads(quads: Array, normals: Array, key: tuple[str, str]) -> _Surface:
@@ -341,7 +364,7 @@ def make(folder: Path) -> bytes:
             if name:
                 files[name] = data
     surfaces = [
-        reduced(surface(each, files), COARSER_MM.get(next(iter(each)), ERROR_MM))
+        reduced(surface(each, files), ERRORS_MM.get(next(iter(each)), ERROR_MM))
         for each in RECIPES
     ]
     surfaces += [ring(number, next(iter(RECIPES[number]))) for number in SEAMS]

@@ -27,7 +27,7 @@ FILE = "robot_meshes_fine.npz"
 `finishes` (k,), `counts` (k, 2) of vertices and triangles, and one mesh after the other `points`
 (n, 3) on the grid, `normals` (n, 3) and `faces` (m, 3).
 """
-SHA256 = "08d8342fcc056c335b4d3a1fc64419f7a94b8dee537a87c1798afb8223127faf"
+SHA256 = "57088b7a5c610a64c98c1a47e47942a788a8fe6401fda8385a33a3131c54bd16"
 """Digest of the file: any other bytes are rejected."""
 NORMAL_STEPS = 1000
 """Steps of one component of a normal, which are kept as whole numbers."""
