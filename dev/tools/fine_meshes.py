@@ -321,15 +321,13 @@ def meshes_of(surfaces: Iterable[_Surface]) -> list[FineMesh]:
     for (image, finish), pieces in found.items():
         corners = np.concatenate(pieces)
         rows, index = np.unique(corners.reshape(-1, 6), axis=0, return_inverse=True)
-        name = f"{image.partition(':')[0]}/{finish}"
         meshes.append(
             FineMesh(
-                name=name,
                 image=image,
                 finish=finish,
                 vertices=(rows[:, :3] / POINTS_PER_METRE).astype(np.float32),
                 normals=_unit(rows[:, 3:]).astype(np.float32),
-                faces=index.reshape(-1, 3).astype(np.uint32),
+                faces=index.reshape(-1, 3).astype(np.int32),
             )
         )
     return meshes
@@ -342,7 +340,6 @@ def packed(meshes: Sequence[FineMesh]) -> bytes:
     content = io.BytesIO()
     np.savez(
         content,
-        names=np.array([mesh.name for mesh in meshes]),
         images=np.array([mesh.image for mesh in meshes]),
         finishes=np.array([mesh.finish for mesh in meshes]),
         counts=np.array([(len(mesh.vertices), len(mesh.faces)) for mesh in meshes]),

@@ -5,36 +5,32 @@ model, its physics and its classic images stay what they are.
 """
 
 import functools
-import hashlib
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import resources
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.errors import AssetError
 from duobench.core.spatial import SE3
 from duobench.world.objects.shapes import Colour
 from duobench.world.robot.gripper import GRIPPER
-from duobench.world.scene.meshes import POINTS_PER_METRE
+from duobench.world.scene.meshes import POINTS_PER_METRE, check_intact, shipped
 from duobench.world.scene.surfaces import visual_only
 
 FILE = "robot_meshes_fine.npz"
-"""The data, uncompressed, since wheels compress what they hold: `names` (k,), `images` (k,) and
-`finishes` (k,), `counts` (k, 2) of vertices and triangles, and one mesh after the other `points`
-(n, 3) on the grid, `normals` (n, 3) and `faces` (m, 3).
+"""The data, uncompressed, since wheels compress what they hold: `images` (k,) and `finishes`
+(k,), `counts` (k, 2) of vertices and triangles, and one mesh after the other `points` (n, 3) on the
+grid, `normals` (n, 3) and `faces` (m, 3).
 """
-SHA256 = "57088b7a5c610a64c98c1a47e47942a788a8fe6401fda8385a33a3131c54bd16"
+SHA256 = "7f5b95236ff6417602b245de88df7fe416dc904b42b5f976931bd0ade390ae11"
 """Digest of the file: any other bytes are rejected."""
 NORMAL_STEPS = 1000
 """Steps of one component of a normal, which are kept as whole numbers."""
 PAD = "pad"
 """What the mesh of a pad stands for: the boxes that grasp, which no classic image shows."""
 
-_ADVICE = "Install duobench again."
 Floats = NDArray[np.float32]
 
 
@@ -69,8 +65,6 @@ and the red plug, of the gap at a joint; and of the gripper's housing, links and
 class FineMesh:
     """A mesh of one finish; its arrays become read-only, since meshes are shared."""
 
-    name: str
-    """Name, such as "fr3/link5_0/cover"."""
     image: str
     """Reduced mesh in whose place, and in whose frame, it is seen; or `PAD`."""
     finish: str
@@ -79,34 +73,28 @@ class FineMesh:
     """Vertices (n, 3) in metres."""
     normals: Floats
     """Unit normals (n, 3)."""
-    faces: NDArray[np.uint32]
+    faces: NDArray[np.int32]
     """Triangles (m, 3), counter-clockwise from outside."""
 
     def __post_init__(self) -> None:
         for array in (self.vertices, self.normals, self.faces):
             array.setflags(write=False)
 
+    @property
+    def name(self) -> str:
+        """Name, such as "fr3/link5_0:visual/cover"."""
+        return f"{self.image}/{self.finish}"
+
 
 @functools.cache
 def fine_meshes() -> tuple[FineMesh, ...]:
     """Return all meshes, read once per process."""
-    try:
-        data = resources.files("duobench.world.scene").joinpath(FILE).read_bytes()
-    except OSError as error:
-        raise AssetError(
-            f"The fine meshes of the robot cannot be read ({error}). {_ADVICE}"
-        ) from error
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != SHA256:
-        raise AssetError(
-            f"The fine meshes of the robot are damaged: {FILE} has the SHA-256 {digest}, "
-            f"expected {SHA256}. {_ADVICE}"
-        )
-    return decode(data)
+    return decode(shipped(FILE))
 
 
 def decode(data: bytes) -> tuple[FineMesh, ...]:
-    """Return the meshes that the bytes of a data file hold."""
+    """Return the meshes that the bytes of the data file hold."""
+    check_intact(data, FILE, SHA256)
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = dict(file)
     ends = arrays["counts"].cumsum(axis=0)[:-1]
@@ -114,24 +102,22 @@ def decode(data: bytes) -> tuple[FineMesh, ...]:
     normals = arrays["normals"].astype(np.float32)
     normals /= np.sqrt((normals * normals).sum(axis=1, keepdims=True))
     columns = zip(
-        arrays["names"].tolist(),
         arrays["images"].tolist(),
         arrays["finishes"].tolist(),
         np.split(points, ends[:, 0]),
         np.split(normals, ends[:, 0]),
-        np.split(arrays["faces"].astype(np.uint32), ends[:, 1]),
+        np.split(arrays["faces"].astype(np.int32), ends[:, 1]),
         strict=True,
     )
     return tuple(
         FineMesh(
-            name=name,
             image=image,
             finish=finish,
             vertices=vertices,
             normals=directions,
             faces=faces,
         )
-        for name, image, finish, vertices, directions, faces in columns
+        for image, finish, vertices, directions, faces in columns
     )
 
 
@@ -154,7 +140,21 @@ class FineRobot:
             image, frame = _image(model, geom)
             found += [(geom, frame, mesh) for mesh in by_image.get(image, [])]
         for _, _, mesh in found:
-            add_fine_mesh(spec, spec.worldbody, mesh)
+            if spec.mesh(mesh.name) is None:
+                spec.add_mesh(
+                    name=mesh.name,
+                    uservert=mesh.vertices.ravel(),
+                    usernormal=mesh.normals.ravel(),
+                    userface=mesh.faces.ravel(),
+                    # It carries no mass, so it may be open.
+                    inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+                )
+            shown = spec.worldbody.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_MESH,
+                meshname=mesh.name,
+                rgba=FINISHES[mesh.finish].rgba,
+            )
+            visual_only(shown)
         self.model = spec.compile()
         """Its geoms are in the order of those that they follow."""
         self.data = mujoco.MjData(self.model)
@@ -177,25 +177,6 @@ class FineRobot:
         self.data.geom_xpos[:] = data.geom_xpos[self.geoms] + shifts
         turned = np.einsum("gij,gjk->gik", turns, self._turns)
         self.data.geom_xmat[:] = turned.reshape(-1, 9)
-
-
-def add_fine_mesh(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, mesh: FineMesh
-) -> mujoco.MjsGeom:
-    """Add a fine mesh to a body, in its finish's colour; the model has it once."""
-    if spec.mesh(mesh.name) is None:
-        spec.add_mesh(
-            name=mesh.name,
-            uservert=mesh.vertices.ravel(),
-            usernormal=mesh.normals.ravel(),
-            userface=mesh.faces.ravel().astype(np.int32),
-            # It carries no mass, so it may be open.
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-    geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name)
-    geom.rgba = FINISHES[mesh.finish].rgba
-    visual_only(geom)
-    return geom
 
 
 def _image(model: mujoco.MjModel, geom: int) -> tuple[str, SE3]:
