@@ -29,13 +29,13 @@ SHA256 = "7f5b95236ff6417602b245de88df7fe416dc904b42b5f976931bd0ade390ae11"
 NORMAL_STEPS = 1000
 """Steps of one component of a normal, which are kept as whole numbers."""
 PAD = "pad"
-"""What the mesh of a pad stands for: the boxes that grasp, which no classic image shows."""
+"""Image of a pad: of the boxes that grasp, which no classic image shows."""
 
 Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Finish:
+class RobotFinish:
     """A surface, in the terms of physically based rendering."""
 
     rgba: Colour
@@ -46,16 +46,18 @@ class Finish:
     """Whether it is a metal, 0 or 1."""
 
 
-FINISHES: Mapping[str, Finish] = {
-    "cover": Finish(rgba=(0.93, 0.93, 0.92, 1.0), roughness=0.38),
-    "trim": Finish(rgba=(0.16, 0.16, 0.17, 1.0), roughness=0.5),
-    "letters": Finish(rgba=(0.86, 0.86, 0.86, 1.0), roughness=0.5),
-    "button": Finish(rgba=(0.10, 0.35, 0.62, 1.0), roughness=0.4),
-    "stop": Finish(rgba=(0.80, 0.07, 0.05, 1.0), roughness=0.4),
-    "joint": Finish(rgba=(0.07, 0.07, 0.07, 1.0), roughness=0.8),
-    "housing": Finish(rgba=(0.13, 0.13, 0.135, 1.0), roughness=0.45),
-    "aluminium": Finish(rgba=(0.74, 0.75, 0.76, 1.0), roughness=0.34, metallic=1.0),
-    "rubber": Finish(rgba=(0.06, 0.06, 0.06, 1.0), roughness=0.9),
+FINISHES: Mapping[str, RobotFinish] = {
+    "cover": RobotFinish(rgba=(0.93, 0.93, 0.92, 1.0), roughness=0.38),
+    "trim": RobotFinish(rgba=(0.16, 0.16, 0.17, 1.0), roughness=0.5),
+    "letters": RobotFinish(rgba=(0.86, 0.86, 0.86, 1.0), roughness=0.5),
+    "button": RobotFinish(rgba=(0.10, 0.35, 0.62, 1.0), roughness=0.4),
+    "stop": RobotFinish(rgba=(0.80, 0.07, 0.05, 1.0), roughness=0.4),
+    "joint": RobotFinish(rgba=(0.07, 0.07, 0.07, 1.0), roughness=0.8),
+    "housing": RobotFinish(rgba=(0.13, 0.13, 0.135, 1.0), roughness=0.45),
+    "aluminium": RobotFinish(
+        rgba=(0.74, 0.75, 0.76, 1.0), roughness=0.34, metallic=1.0
+    ),
+    "rubber": RobotFinish(rgba=(0.06, 0.06, 0.06, 1.0), roughness=0.9),
 }
 """Finishes by name: of the white covers and the black bands between them, of lettering, buttons
 and the red plug, of the gap at a joint; and of the gripper's housing, links and pads."""
@@ -122,7 +124,7 @@ def decode(data: bytes) -> tuple[FineMesh, ...]:
 
 
 class FineRobot:
-    """What is seen of the robot of a compiled model, as a model of images alone.
+    """Fine images of the robot of a compiled model, as a model of images alone.
 
     Its geoms follow those of the robot, whose own images a renderer leaves away.
 
@@ -180,7 +182,7 @@ class FineRobot:
 
 
 def _image(model: mujoco.MjModel, geom: int) -> tuple[str, SE3]:
-    """What a geom shows, and the pose of the geom in the frame of that."""
+    """Name of the image of a geom, and the pose of the geom in its frame."""
     body = int(model.geom_bodyid[geom])
     name = model.body(body).name.rpartition("/")[2]
     if name in GRIPPER.pads and model.body_geomadr[body] == geom:
