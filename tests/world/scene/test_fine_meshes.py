@@ -28,6 +28,7 @@ from duobench.world.scene.meshes import robot_meshes, shipped
 from duobench.world.scene.naming import arm_joint_names, pad_names
 from duobench.world.sim.duo import HOME
 from duobench.world.sim.simulation import Simulation
+from tests.test_repository import ROOT, tracked
 
 NAMES = [mesh.name for mesh in fine_meshes()]
 BY_NAME = {mesh.name: mesh for mesh in fine_meshes()}
@@ -96,6 +97,15 @@ def test_the_file_is_small_and_holds_a_mesh_for_every_image_and_the_pads() -> No
     assert {mesh.image for mesh in fine_meshes()} == {*images, PAD}
     assert {mesh.finish for mesh in fine_meshes()} == set(FINISHES)
     assert fine_meshes() is fine_meshes()
+
+
+def test_the_notices_name_every_file_with_meshes() -> None:
+    notices = (ROOT / "THIRD_PARTY_NOTICES.md").read_text(encoding="utf-8")
+    files = [str(path.relative_to(ROOT)) for path in tracked("src", ".npz")]
+    assert len(files) == 2
+    assert [name for name in files if f"`{name}`" not in notices] == []
+    for origin in {mesh.image.partition("/")[0] for mesh in fine_meshes()} - {PAD}:
+        assert f"`{origin}/`, in both files" in notices
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.75])
