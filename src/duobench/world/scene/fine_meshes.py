@@ -24,7 +24,7 @@ FILE = "robot_meshes_fine.npz"
 (k,), `counts` (k, 2) of vertices and triangles, and one mesh after the other `points` (n, 3) on the
 grid, `normals` (n, 3) and `faces` (m, 3).
 """
-SHA256 = "7f5b95236ff6417602b245de88df7fe416dc904b42b5f976931bd0ade390ae11"
+SHA256 = "61410f8f8aeaa2bc00fec412ad2e6da66dc170a6df6ed75b069ec67e4f85c4ff"
 """Digest of the file: any other bytes are rejected."""
 NORMAL_STEPS = 1000
 """Steps of one component of a normal, which are kept as whole numbers."""
