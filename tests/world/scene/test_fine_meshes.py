@@ -144,6 +144,15 @@ def test_the_model_is_not_written_to(simulation: Simulation) -> None:
     assert packed() == before
 
 
+def test_a_model_without_a_robot_has_none() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"
+    )
+    robot = FineRobot(model)
+    robot.follow(mujoco.MjData(model))
+    assert (robot.model.ngeom, len(robot.geoms), robot.finishes) == (0, 0, ())
+
+
 def test_the_images_carry_no_mass_and_no_contacts_and_are_not_too_many(robot: FineRobot) -> None:
     model = robot.model
     assert model.ngeom == len(robot.finishes) == len(robot.geoms)

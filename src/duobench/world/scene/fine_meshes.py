@@ -46,8 +46,10 @@ class RobotFinish:
     """Whether it is a metal, 0 or 1."""
 
 
+COVER = "cover"
+"""Finish of the white covers, which a look may paint."""
 FINISHES: Mapping[str, RobotFinish] = {
-    "cover": RobotFinish(rgba=(0.93, 0.93, 0.92, 1.0), roughness=0.38),
+    COVER: RobotFinish(rgba=(0.93, 0.93, 0.92, 1.0), roughness=0.38),
     "trim": RobotFinish(rgba=(0.16, 0.16, 0.17, 1.0), roughness=0.5),
     "letters": RobotFinish(rgba=(0.86, 0.86, 0.86, 1.0), roughness=0.5),
     "button": RobotFinish(rgba=(0.10, 0.35, 0.62, 1.0), roughness=0.4),
@@ -169,8 +171,9 @@ class FineRobot:
             frame.inverse() @ _frame(self.model, asset)
             for (_, frame, _), asset in zip(found, self.model.geom_dataid, strict=True)
         ]
-        self._shifts = np.array([offset.translation for offset in offsets])
-        self._turns = np.array([offset.rotation for offset in offsets])
+        shifts = np.array([offset.translation for offset in offsets])
+        turns = np.array([offset.rotation for offset in offsets])
+        self._shifts, self._turns = shifts.reshape(-1, 3), turns.reshape(-1, 3, 3)
 
     def follow(self, data: mujoco.MjData) -> None:
         """Take the poses of a state of the robot, whose kinematics are up to date."""
