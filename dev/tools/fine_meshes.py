@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dev.tools.meshes import DIGESTS, SEAMS
+from dev.tools.meshes import DIGESTS, SEAMS, missing
 from duobench.core.types import Array
 from duobench.world.scene import fine_meshes
 from duobench.world.scene.fine_meshes import NORMAL_STEPS, PAD, FineMesh
@@ -383,6 +383,9 @@ def _unit(vectors: Array) -> Array:
 
 
 if __name__ == "__main__":
+    absent = missing(Path(sys.argv[1]))
+    if absent:
+        sys.exit(f"Missing, or with other bytes: {', '.join(absent)}")
     made = make(Path(sys.argv[1]))
     Path(fine_meshes.__file__).with_name(fine_meshes.FILE).write_bytes(made)
     print(hashlib.sha256(made).hexdigest())
