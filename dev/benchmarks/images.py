@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import duobench
 from dev.benchmarks.environments import begin
 from dev.benchmarks.measure import Measurement, Work, seconds
-from duobench.core.backend import DEPTH, KINDS, SEGMENTATION, Wanted
+from duobench.core.backend import DEPTH, KINDS, SEGMENTATION, Sizes, Wanted
 from duobench.envs.observation_wrappers import IMAGE_SIZE
 from duobench.envs.sim_env import sim_of
 from duobench.world.robot.cameras import POLICY_CAMERAS
@@ -28,7 +28,7 @@ def measure(name: str, repeats: int = 60) -> Iterator[Measurement]:
             return Work(pieces=[lambda: renderer.render_all(simulation.data, cameras)])
 
         def measured(*kinds: str) -> Work:
-            sizes = dict.fromkeys(POLICY_CAMERAS, IMAGE_SIZE)
+            sizes: Sizes = dict.fromkeys(POLICY_CAMERAS, IMAGE_SIZE)
             wanted: Wanted = dict.fromkeys(kinds, sizes)
             return Work(pieces=[lambda: renderer.render_kinds(simulation.data, wanted)])
 
