@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from duobench.core.backend import Image
 from duobench.core.errors import RenderingError
+from duobench.core.types import Array
 from duobench.world.looks import effects
 from duobench.world.looks.look import MAX_CLUTTER
 from duobench.world.scene.surfaces import SHADOWLESS_GEOM_GROUP
 from duobench.world.sim.appearance import Appearance, Texture
 from duobench.world.sim.opengl import in_words, info_of, open_context
+from duobench.world.sim.visibility import Visibility, frustum
 
 VISIBLE_GROUPS = 3
 """Geom groups 0 to 2 are rendered; collision shapes are in group 3."""
@@ -32,6 +34,8 @@ _DUMMY_SHADOW_MAP = 4
 """Side of the dummy shadow map: the smallest that leaves something inside its border."""
 _EVERYTHING = mujoco.mjtCatBit.mjCAT_ALL.value
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
+_NOTHING = mujoco.mjtGeom.mjGEOM_NONE.value
+_DIRECTIONAL = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value
 _EFFECTS = [
     mujoco.mjtRndFlag.mjRND_REFLECTION.value,
     mujoco.mjtRndFlag.mjRND_SKYBOX.value,
@@ -112,6 +116,7 @@ class OffscreenRenderer:
         self._objects = np.flatnonzero(
             ~shadowless & (model.geom_group < VISIBLE_GROUPS)
         )
+        self._visibility = Visibility(model)
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
@@ -135,12 +140,16 @@ class OffscreenRenderer:
     ) -> dict[str, Image]:
         """One image of each camera; their numbers by name."""
         images = {}
+        unseen: list[list[int]] = []
         for name, camera in cameras.items():
             if len(self._offsets) > 1:
                 image = self._average(data, camera)
             else:
-                (self._turn_to if images else self._update)(data, camera)
-                self._render(new_shadows=not images)
+                if not images:
+                    self._update(data, camera)
+                    unseen = self._leave_out(data, tuple(cameras.values()))
+                self._turn_to(data, camera)
+                self._render(new_shadows=not images, without=unseen[len(images)])
                 image = self._pixels[::-1].copy()
             if self._appearance is not None:
                 look = self._appearance.look
@@ -200,6 +209,33 @@ class OffscreenRenderer:
         if self._appearance is not None:
             self._appearance.apply(self._scene, self._geoms, camera)
 
+    def _leave_out(
+        self, data: mujoco.MjData, cameras: tuple[int, ...]
+    ) -> list[list[int]]:
+        """Let what casts no shadow that a camera sees cast none.
+
+        Returns:
+            What each camera's image comes to the same without, as numbers in the scene. The first
+            image is rendered together with the shadows, so it needs all that casts one.
+        """
+        frustums: list[Array] = []
+        for camera in cameras:
+            self._turn_to(data, camera)
+            frustums.append(frustum(self._scene.camera, self._pixels.shape))
+        lights = self._scene.lights[: self._scene.nlight]
+        shadows = [light for light in lights if light.castshadow]
+        light = None
+        if len(shadows) == 1 and shadows[0].type == _DIRECTIONAL:
+            light = np.array(shadows[0].dir, dtype=np.float64)
+        geoms = self._geoms[: self._scene.ngeom]
+        unseen, unlit = self._visibility.unseen(
+            data, np.array([geom.objid for geom in geoms]), np.array(frustums), light
+        )
+        for number in np.flatnonzero(unlit).tolist():
+            geoms[number].category = _DECOR
+        unseen[0] &= [geom.category == _DECOR for geom in geoms]
+        return [np.flatnonzero(numbers).tolist() for numbers in unseen]
+
     def _turn_to(self, data: mujoco.MjData, camera: int) -> None:
         """Look from another camera at the state that the scene was made of."""
         self._view.fixedcamid = camera
@@ -207,8 +243,13 @@ class OffscreenRenderer:
         if self._appearance is not None:
             self._appearance.aim(self._scene, camera)
 
-    def _render(self, *, new_shadows: bool = True) -> None:
-        """Render the scene into the pixels, with shadows of its own or those of the last one."""
+    def _render(self, *, new_shadows: bool = True, without: Sequence[int] = ()) -> None:
+        """Render the scene into the pixels, with shadows of its own or those of the last one.
+
+        Args:
+            new_shadows: Whether the shadows are its own.
+            without: Geoms that are left out, as numbers in the scene.
+        """
         if new_shadows or not self._shadows[0]:
             self._restore_shadows()
         else:
@@ -216,7 +257,12 @@ class OffscreenRenderer:
             self._mujoco_context.shadowSize = _DUMMY_SHADOW_MAP
             for geom in self._geoms[: self._scene.ngeom]:
                 geom.category = _DECOR
+        kinds = [self._geoms[number].type for number in without]
+        for number in without:
+            self._geoms[number].type = _NOTHING
         mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
+        for number, kind in zip(without, kinds, strict=True):
+            self._geoms[number].type = kind
         mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._mujoco_context)
 
     def _restore_shadows(self) -> None:
