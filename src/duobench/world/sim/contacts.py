@@ -203,7 +203,11 @@ class Contacts(ContactOwners):
         self._pairs_of: dict[Touch, Pair] = {}
         self._solved = False
         """Whether contacts have forces: the engine finds contacts first."""
-        self._pad_centres = data.xipos
+        self._pads = {
+            side: data.xipos[left :: right - left][:2]
+            for side, (left, right) in self._pad_bodies.items()
+        }
+        """Centres (2, 3) of the left and the right pad of each gripper: views of the engine's."""
         self._model = model
         self._solids: dict[int, list[int]] = {}
         """Geoms of each owner that collide."""
@@ -341,7 +345,7 @@ class Contacts(ContactOwners):
         model = self._model
         data = self._data
         ends = np.zeros(6)
-        pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
+        pad = self._pads[side][0].tolist()
         for other in self._solids.get(self._index[owner], ()):
             furthest = float(model.geom_rbound[other]) + GRIPPER.reach + distance
             if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
@@ -378,9 +382,9 @@ class Contacts(ContactOwners):
 
     def _grasps(self, side: Side, row: int) -> bool:
         one, other, _, _ = self._limbs[side]
-        left, right = self._pad_bodies[side]
-        left_x, left_y, left_z = self._pad_centres[left].tolist()
-        right_x, right_y, right_z = self._pad_centres[right].tolist()
+        (left_x, left_y, left_z), (right_x, right_y, right_z) = self._pads[
+            side
+        ].tolist()
         x = right_x - left_x
         y = right_y - left_y
         z = right_z - left_z
