@@ -43,7 +43,9 @@ def looked_at(
 ) -> tuple[set[str], set[str]]:
     model, data, frustums = scene
     direction = None if light is None else np.array(light)
-    unseen, unlit = Visibility(model).unseen(data, np.arange(model.ngeom), frustums, direction)
+    unseen, unlit = Visibility(model).unseen(
+        data, np.arange(model.ngeom), np.ones(model.ngeom, dtype=bool), frustums, direction
+    )
     names = np.array([model.geom(number).name for number in range(model.ngeom)])
     return set(names[unseen[0]].tolist()), set(names[unlit].tolist())
 
@@ -76,6 +78,9 @@ def test_what_is_no_geom_counts_as_seen(
 ) -> None:
     model, data, frustums = scene
     geoms = np.array([-1, model.geom("far").id])
-    unseen, unlit = Visibility(model).unseen(data, geoms, frustums, np.array([0.0, 0.0, -1.0]))
-    assert unseen.tolist() == [[False, True]]
-    assert unlit.tolist() == [False, True]
+    for casting in (True, False):
+        unseen, unlit = Visibility(model).unseen(
+            data, geoms, np.full(2, casting), frustums, np.array([0.0, 0.0, -1.0])
+        )
+        assert unseen.tolist() == [[False, True]]
+        assert unlit.tolist() == [False, casting]

@@ -228,12 +228,17 @@ class OffscreenRenderer:
         if len(shadows) == 1 and shadows[0].type == _DIRECTIONAL:
             light = np.array(shadows[0].dir, dtype=np.float64)
         geoms = self._geoms[: self._scene.ngeom]
+        casting = np.array([geom.category != _DECOR for geom in geoms])
         unseen, unlit = self._visibility.unseen(
-            data, np.array([geom.objid for geom in geoms]), np.array(frustums), light
+            data,
+            np.array([geom.objid for geom in geoms]),
+            casting,
+            np.array(frustums),
+            light,
         )
         for number in np.flatnonzero(unlit).tolist():
             geoms[number].category = _DECOR
-        unseen[0] &= [geom.category == _DECOR for geom in geoms]
+        unseen[0] &= unlit | ~casting
         return [np.flatnonzero(numbers).tolist() for numbers in unseen]
 
     def _turn_to(self, data: mujoco.MjData, camera: int) -> None:

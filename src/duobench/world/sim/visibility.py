@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from duobench.core.types import Array
 
 Booleans = NDArray[np.bool_]
+_ONE, _OTHER = np.triu_indices(5, 1)
+"""The ten pairs of five planes."""
 TEXELS = 4
 """Texels of the shadow map beside what is seen that count as seen; a shadow is blurred over one."""
 
@@ -28,6 +30,7 @@ class Visibility:
         self,
         data: mujoco.MjData,
         geoms: NDArray[np.int_],
+        casting: Booleans,
         frustums: Array,
         light: Array | None,
     ) -> tuple[Booleans, Booleans]:
@@ -36,12 +39,13 @@ class Visibility:
         Args:
             data: The state.
             geoms: Ids of geoms (n,); below 0 is anything else, which counts as seen.
+            casting: Whether each of them casts a shadow.
             frustums: Planes (c, 5, 4) of each of c cameras, as `frustum` gives them.
             light: Direction (3,) of the light whose shadows count, or None if nothing is known.
 
         Returns:
-            Whether each camera (c, n) sees nothing of a geom, and whether all of them (n,) see
-            nothing of its shadow either.
+            Whether each camera (c, n) sees nothing of a geom, and whether it casts a shadow (n,) of
+            which all of them see nothing either.
         """
         model = self._model
         reach = model.vis.map.shadowclip * model.stat.extent
@@ -60,14 +64,40 @@ class Visibility:
         shape = len(geoms), *frustums.shape[:2]
         is_out = (beyond > 0.0) & bounded
         unseen = is_out.reshape(shape).any(axis=2).T
-        if light is None or light[2] >= 0.0:
-            return unseen, np.zeros(len(geoms), dtype=np.bool_)
-        # A shadow ends at the lowest thing there is.
-        bottom = float((places[:, 2] - self._bounds[geoms]).min())
-        fall = (middles[:, 2] - bottom) / -light[2]
-        beyond += fall[:, None] * np.einsum("pi,i->p", normals, light)
-        unlit = is_out & (beyond > 0.0)
-        return unseen, unlit.reshape(shape).any(axis=2).all(axis=1)
+        unlit = np.zeros(len(geoms), dtype=np.bool_)
+        if light is not None and light[2] < 0.0:
+            hidden = np.flatnonzero(unseen.all(axis=0) & casting)
+            # A shadow ends at the lowest thing there is.
+            bottom = float((places[:, 2] - self._bounds[geoms]).min())
+            fall = (middles[hidden, 2] - bottom) / -light[2]
+            moved = fall[:, None] * (normals * light).sum(axis=1)
+            start = beyond[hidden].reshape(-1, *shape[1:])
+            unlit[hidden] = _stays_out(start, moved.reshape(start.shape))
+        return unseen, unlit
+
+
+def _stays_out(start: Array, moved: Array) -> Booleans:
+    """Whether what moves along a line is beyond one or another of its planes all the way.
+
+    Args:
+        start: How far it is beyond each plane (n, c, 5) of c cameras at first, in metres.
+        moved: How much further it is in the end.
+
+    Returns:
+        Whether it is for all cameras (n,).
+    """
+    # The distance beyond the farthest plane is least at an end, or where two planes are as far.
+    apart = moved[..., _ONE] - moved[..., _OTHER]
+    apart[apart == 0.0] = 1.0
+    shares = np.zeros((*apart.shape[:2], apart.shape[2] + 2))
+    shares[..., 0] = 1.0
+    shares[..., 2:] = (start[..., _OTHER] - start[..., _ONE]) / apart
+    shares = np.minimum(np.maximum(shares, 0.0), 1.0)
+    beyond = np.full(shares.shape, -np.inf)
+    for plane in range(start.shape[2]):
+        here = start[..., plane, None] + shares * moved[..., plane, None]
+        beyond = np.maximum(beyond, here)
+    return (beyond > 0.0).all(axis=(1, 2))
 
 
 def frustum(lenses: Sequence[mujoco.MjvGLCamera], shape: tuple[int, ...]) -> Array:
