@@ -100,7 +100,7 @@ import numpy as np
 from duobench.envs.sim_env import SimEnv
 from duobench.world.looks import catalog as looks
 from duobench.world.sim.appearance import Appearance
-from duobench.world.sim.offscreen import OffscreenRenderer
+from duobench.world.sim.offscreen import CameraRequest, OffscreenRenderer
 from duobench.world.sim.opengl import choose
 from duobench.world.sim.rendering import Renderer
 from duobench.tasks import catalog
@@ -109,6 +109,9 @@ base = SimEnv(catalog.get("transfer_gate"))
 base.reset()
 model, data = base.simulation.model, base.simulation.data
 cameras = {model.camera(number).name: number for number in range(model.ncam)}
+kinds = "rgb", "depth", "segmentation"
+requests = [CameraRequest(name, number, kinds, (60, 80)) for name, number in cameras.items()]
+wanted = {kind: dict.fromkeys(cameras, (60, 80)) for kind in kinds}
 here = OffscreenRenderer(model, 60, 80, 1, choose())
 there = Renderer(model, height=60, width=80)
 look = looks.as_look("random:3")
@@ -133,9 +136,11 @@ for change in (
     "appear()",
 ):
     exec(change if change != "nothing" else "")
-    expected, seen = here.render(data, cameras), there.render_all(data, cameras)
+    expected, images = here.render(data, requests), there.render_kinds(data, wanted)
     for name in cameras:
-        assert (expected[name] == seen[name]).all(), (change, name)
+        for kind in kinds:
+            assert (expected[name][kind] == images[kind][name]).all(), (change, name, kind)
+    seen = images["rgb"]
     assert (here.segment(data, 0) == there.segment(data, list(cameras)[0])).all(), change
     found.add(b"".join(image.tobytes() for image in seen.values()))
 print(len(found))
@@ -153,18 +158,18 @@ import numpy as np
 from duobench.envs.sim_env import SimEnv
 from duobench.world.looks import catalog as looks
 from duobench.world.sim.appearance import Appearance
-from duobench.world.sim.offscreen import OffscreenRenderer
+from duobench.world.sim.offscreen import CameraRequest, OffscreenRenderer
 from duobench.world.sim.opengl import choose
 from duobench.tasks import catalog
 
 class Whole(OffscreenRenderer):
-    def _leave_out(self, data, cameras):
-        return [[] for _ in cameras]
+    def _leave_out(self, data, requests):
+        return [[] for _ in requests]
 
 class Counting(OffscreenRenderer):
     counts = []
-    def _leave_out(self, data, cameras):
-        found = super()._leave_out(data, cameras)
+    def _leave_out(self, data, requests):
+        found = super()._leave_out(data, requests)
         Counting.counts += [len(numbers) for numbers in found]
         return found
 
@@ -173,7 +178,13 @@ base.reset()
 simulation = base.simulation
 model, data = simulation.model, simulation.data
 names = [model.camera(number).name for number in range(model.ncam)]
-forwards = dict(zip(names, range(model.ncam)))
+forwards = [CameraRequest(name, at, ("rgb",), (60, 80)) for at, name in enumerate(names)]
+mixed = [
+    CameraRequest("deep", 2, ("depth",), (60, 80)),
+    CameraRequest("one", 0, ("rgb", "segmentation"), (30, 40)),
+    CameraRequest("other", 1, ("depth", "rgb"), (60, 60)),
+    CameraRequest("again", 0, ("rgb",), (60, 80)),
+]
 renderers = [kind(model, 60, 80, 1, choose()) for kind in (Counting, Whole)]
 rng = np.random.default_rng(0)
 for look in (None, "side_light", "camera_shift", "random:3"):
@@ -187,15 +198,14 @@ for look in (None, "side_light", "camera_shift", "random:3"):
         simulation.forward()
         if number == 5:
             data.cam_xpos[:] += rng.normal(0.0, 0.3, data.cam_xpos.shape)
-        backwards = dict(reversed(forwards.items()))
-        twice = {"one": 0, "other": 1, "again": 0}
-        for cameras in (forwards, backwards, twice):
+        for requests in (forwards, forwards[::-1], mixed):
             images = []
             for renderer in renderers:
                 renderer.make_current()
-                images.append(renderer.render(data, cameras))
-            for name in cameras:
-                assert (images[0][name] == images[1][name]).all(), (look, number, name)
+                images.append(renderer.render(data, requests))
+            for name, found in images[0].items():
+                for kind, image in found.items():
+                    assert (image == images[1][name][kind]).all(), (look, number, name, kind)
 assert max(Counting.counts) > 60, sorted(Counting.counts)
 """
 

@@ -97,7 +97,7 @@ def _stays_out(start: Array, moved: Array) -> Booleans:
     for plane in range(start.shape[2]):
         here = start[..., plane, None] + shares * moved[..., plane, None]
         beyond = np.maximum(beyond, here)
-    return (beyond > 0.0).all(axis=(1, 2))
+    return np.all(beyond > 0.0, axis=(1, 2))
 
 
 def frustum(lenses: Sequence[mujoco.MjvGLCamera], shape: tuple[int, ...]) -> Array:
