@@ -356,10 +356,11 @@ class Progress:
                 break
         else:
             stayed = self._judge(state)
-        self._lost[: self.stage] = [
-            0 if stays else lost + 1
-            for stays, lost in zip(stayed, self._lost, strict=False)
-        ]
+        if not all(stayed) or any(self._lost):
+            self._lost[: self.stage] = [
+                0 if stays else lost + 1
+                for stays, lost in zip(stayed, self._lost, strict=False)
+            ]
         return self.stage
 
     def _is_repeated(self, earlier: _Judgement, state: StateView) -> bool:

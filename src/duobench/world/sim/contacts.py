@@ -196,6 +196,7 @@ class Contacts(ContactOwners):
         self._touching: list[int] = []
         """The two owners of each contact, as a group; none where there is but a margin."""
         self._frames: Any = None
+        """Frame (9,) of each contact: a view of the engine's."""
         self._pairs: list[list[int]] = []
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
@@ -236,7 +237,7 @@ class Contacts(ContactOwners):
             else:
                 touching.append(0)
         self._partners, self._touching = partners, touching
-        self._frames = None
+        self._frames = contact.frame
         self._grasped.clear()
         self._solved = False
 
@@ -269,12 +270,11 @@ class Contacts(ContactOwners):
         """
         if not self.arm(side, owner):
             return False
-        frames = self._all_frames()
         points = self._data.contact.pos
         axis = hinge()
         for number, sign in self._normals(self._limbs[side], self._index[owner]):
             opening = axis.opening_at(points[number].tolist())
-            lever = sum_of_products(frames[number, :3].tolist(), opening)
+            lever = sum_of_products(self._frames[number, :3].tolist(), opening)
             if sign * lever >= MIN_LEVER:
                 return True
         return False
@@ -405,26 +405,19 @@ class Contacts(ContactOwners):
         """Whether a contact of a finger with an owner pushes it along a unit vector."""
         pair = self._single[finger] | self._single[row]
         touching = self._touching
-        frames = self._all_frames()
         number = -1
         while True:
             try:
                 number = touching.index(pair, number + 1)
             except ValueError:
                 return False
-            a, b, c = frames[number, :3].tolist()
+            a, b, c = self._frames[number, :3].tolist()
             push = a * x + b * y + c * z
             # The engine's normal points from the first geom to the second.
             if self._owners[self._pairs[number][1]] != row:
                 push = -push
             if push > MIN_PRESS_COSINE:
                 return True
-
-    def _all_frames(self) -> Any:
-        """Frames (n, 9) of all contacts, read once for each state."""
-        if self._frames is None:
-            self._frames = self._data.contact.frame
-        return self._frames
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""
