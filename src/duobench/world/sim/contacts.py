@@ -201,7 +201,6 @@ class Contacts(ContactOwners):
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
         """Answers of `grasped` since the last update; several questions ask the same."""
-        self._pairs_of: dict[Touch, Pair] = {}
         self._solved = False
         """Whether contacts have forces: the engine finds contacts first."""
         self._pads = {
@@ -243,11 +242,9 @@ class Contacts(ContactOwners):
 
     def pair(self, touch: Touch) -> Pair:
         """The owners of a touch, as `are_touching` takes them."""
-        found = self._pairs_of.get(touch)
-        if found is None:
-            group = self._group([self._index[other] for other in touch.others])
-            found = self._pairs_of[touch] = self._index[touch.owner], group
-        return found
+        return self._index[touch.owner], self._group(
+            [self._index[other] for other in touch.others]
+        )
 
     def are_touching(self, pairs: Iterable[Pair]) -> list[bool]:
         """Whether the first owner of each pair is in contact with one of the others."""
