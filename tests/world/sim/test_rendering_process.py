@@ -160,6 +160,68 @@ def test_whatever_changes_images_are_those_of_a_renderer_in_this_process() -> No
     assert done.stdout == "12\n", "every change is seen"
 
 
+LEFT_OUT = """
+import numpy as np
+from duobench.envs.sim_env import SimEnv
+from duobench.world.looks import catalog as looks
+from duobench.world.sim.appearance import Appearance
+from duobench.world.sim.offscreen import CameraRequest, OffscreenRenderer
+from duobench.world.sim.opengl import choose
+from duobench.tasks import catalog
+
+class Whole(OffscreenRenderer):
+    def _leave_out(self, data, requests):
+        return [[] for _ in requests]
+
+class Counting(OffscreenRenderer):
+    counts = []
+    def _leave_out(self, data, requests):
+        found = super()._leave_out(data, requests)
+        Counting.counts += [len(numbers) for numbers in found]
+        return found
+
+base = SimEnv(catalog.get("hinge_chest"))
+base.reset()
+simulation = base.simulation
+model, data = simulation.model, simulation.data
+names = [model.camera(number).name for number in range(model.ncam)]
+forwards = [CameraRequest(name, at, ("rgb",), (60, 80)) for at, name in enumerate(names)]
+mixed = [
+    CameraRequest("deep", 2, ("depth",), (60, 80)),
+    CameraRequest("one", 0, ("rgb", "segmentation"), (30, 40)),
+    CameraRequest("other", 1, ("depth", "rgb"), (60, 60)),
+    CameraRequest("again", 0, ("rgb",), (60, 80)),
+]
+renderers = [kind(model, 60, 80, 1, choose()) for kind in (Counting, Whole)]
+rng = np.random.default_rng(0)
+for look in (None, "side_light", "camera_shift", "random:3"):
+    for renderer in renderers:
+        renderer.make_current()
+        seen = None if look is None else Appearance(model, looks.as_look(look))
+        renderer.set_appearance(seen)
+    for number in range(6):
+        for joints in simulation.duo.joints:
+            data.qpos[joints] += rng.normal(0.0, 0.2, len(joints))
+        simulation.forward()
+        if number == 5:
+            data.cam_xpos[:] += rng.normal(0.0, 0.3, data.cam_xpos.shape)
+        for requests in (forwards, forwards[::-1], mixed):
+            images = []
+            for renderer in renderers:
+                renderer.make_current()
+                images.append(renderer.render(data, requests))
+            for name, found in images[0].items():
+                for kind, image in found.items():
+                    assert (image == images[1][name][kind]).all(), (look, number, name, kind)
+assert max(Counting.counts) > 60, sorted(Counting.counts)
+"""
+
+
+def test_what_is_left_out_of_an_image_changes_nothing() -> None:
+    done = ran("-c", LEFT_OUT, env=HEADLESS, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
 def started(code: str) -> subprocess.Popen[str]:
     """A process that has broken its own OpenGL, has an image, and whose child was stopped."""
     begin = """

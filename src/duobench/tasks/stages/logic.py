@@ -121,9 +121,14 @@ class StateView:
 
     def height_near(self, prop: str, limit: float) -> float:
         """`min_height`, or a bound of it that is clearly on the same side of a limit."""
-        bounds = self.once((prop,), lambda sim: sim.height_bounds(prop))
-        if bounds is None or prop in self._found:
-            return self.min_height(prop)
+        found = self._found
+        if prop in found:
+            return found[prop]
+        bounds = found.get((prop,))
+        if bounds is None:
+            bounds = found[prop,] = self.simulation.height_bounds(prop)
+            if bounds is None:
+                return self.min_height(prop)
         lowest, highest = bounds
         if highest < limit - CLEARLY:
             return highest
@@ -432,10 +437,13 @@ def kept(
         most: What it is below.
     """
 
+    def units(state: StateView) -> float:
+        return state.once(units, lambda _sim: number(state) / unit)
+
     def bit(place: int) -> Since:
+        worth = 2**place
         digit = leaf(
-            f"digit {place} of {name}",
-            lambda state: number(state) / unit // 2**place % 2 >= 1,
+            f"digit {place} of {name}", lambda state: units(state) // worth % 2 >= 1
         )
         return since(when & digit, reset=when & ~digit, only=when)
 

@@ -85,7 +85,10 @@ def pouring(
         )
 
     def numbers_low(state: StateView) -> list[int]:
-        return [number for number, up in heights(state).items() if up <= lower.high]
+        return state.once(
+            numbers_low,
+            lambda _sim: [n for n, up in heights(state).items() if up <= lower.high],
+        )
 
     def any_within(state: StateView) -> bool:
         return within[0].test(state) or len(heights(state)) > 0

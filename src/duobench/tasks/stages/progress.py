@@ -241,6 +241,8 @@ class Progress:
         self._judged: StateView | None = None
         self._recent: list[_Judgement] = []
         """Different ones with this stage and these memories, the last one first."""
+        self._pairs: dict[Predicate, Pair] = {}
+        """Owners of contacts that predicates look at, in the simulation of this episode."""
 
     def explain(self, on: bool = True) -> None:
         """Be able to say in `unmet` why the next stage is not reached.
@@ -301,6 +303,7 @@ class Progress:
             variants: The layout's named choices.
         """
         self._variants = dict(variants)
+        self._pairs.clear()
         self._remembered = frozenset()
         self._lasted = dict.fromkeys(self._clocks, 0)
         self._start_heights = {
@@ -356,10 +359,11 @@ class Progress:
                 break
         else:
             stayed = self._judge(state)
-        self._lost[: self.stage] = [
-            0 if stays else lost + 1
-            for stays, lost in zip(stayed, self._lost, strict=False)
-        ]
+        if not all(stayed) or any(self._lost):
+            self._lost[: self.stage] = [
+                0 if stays else lost + 1
+                for stays, lost in zip(stayed, self._lost, strict=False)
+            ]
         return self.stage
 
     def _is_repeated(self, earlier: _Judgement, state: StateView) -> bool:
@@ -441,16 +445,18 @@ class Progress:
             if not predicate.looks:
                 continue
             touch = predicate.touch
-            if isinstance(predicate, HeldFor):
-                waits.append((predicate.clock, predicate.steps))
-                over.append(answer)
-                continue
             if touch is not None:
-                pair = contacts.pair(touch)
+                pair = self._pairs.get(predicate)
+                if pair is None:
+                    pair = self._pairs[predicate] = contacts.pair(touch)
                 if touch.is_all or not contacts.are_touching([pair])[0]:
                     pairs.append(pair)
                     told[predicate] = answer
                     continue
+            elif isinstance(predicate, HeldFor):
+                waits.append((predicate.clock, predicate.steps))
+                over.append(answer)
+                continue
             seen.append((predicate, answer))
         return _Judgement(
             pairs=tuple(pairs),

@@ -196,14 +196,18 @@ class Contacts(ContactOwners):
         self._touching: list[int] = []
         """The two owners of each contact, as a group; none where there is but a margin."""
         self._frames: Any = None
+        """Frame (9,) of each contact: a view of the engine's."""
         self._pairs: list[list[int]] = []
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
         """Answers of `grasped` since the last update; several questions ask the same."""
-        self._pairs_of: dict[Touch, Pair] = {}
         self._solved = False
         """Whether contacts have forces: the engine finds contacts first."""
-        self._pad_centres = data.xipos
+        self._pads = {
+            side: data.xipos[left :: right - left][:2]
+            for side, (left, right) in self._pad_bodies.items()
+        }
+        """Centres (2, 3) of the left and the right pad of each gripper: views of the engine's."""
         self._model = model
         self._solids: dict[int, list[int]] = {}
         """Geoms of each owner that collide."""
@@ -232,17 +236,15 @@ class Contacts(ContactOwners):
             else:
                 touching.append(0)
         self._partners, self._touching = partners, touching
-        self._frames = None
+        self._frames = contact.frame
         self._grasped.clear()
         self._solved = False
 
     def pair(self, touch: Touch) -> Pair:
         """The owners of a touch, as `are_touching` takes them."""
-        found = self._pairs_of.get(touch)
-        if found is None:
-            group = self._group([self._index[other] for other in touch.others])
-            found = self._pairs_of[touch] = self._index[touch.owner], group
-        return found
+        return self._index[touch.owner], self._group(
+            [self._index[other] for other in touch.others]
+        )
 
     def are_touching(self, pairs: Iterable[Pair]) -> list[bool]:
         """Whether the first owner of each pair is in contact with one of the others."""
@@ -265,12 +267,11 @@ class Contacts(ContactOwners):
         """
         if not self.arm(side, owner):
             return False
-        frames = self._all_frames()
         points = self._data.contact.pos
         axis = hinge()
         for number, sign in self._normals(self._limbs[side], self._index[owner]):
             opening = axis.opening_at(points[number].tolist())
-            lever = sum_of_products(frames[number, :3].tolist(), opening)
+            lever = sum_of_products(self._frames[number, :3].tolist(), opening)
             if sign * lever >= MIN_LEVER:
                 return True
         return False
@@ -341,7 +342,7 @@ class Contacts(ContactOwners):
         model = self._model
         data = self._data
         ends = np.zeros(6)
-        pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
+        pad = self._pads[side][0].tolist()
         for other in self._solids.get(self._index[owner], ()):
             furthest = float(model.geom_rbound[other]) + GRIPPER.reach + distance
             if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
@@ -378,9 +379,9 @@ class Contacts(ContactOwners):
 
     def _grasps(self, side: Side, row: int) -> bool:
         one, other, _, _ = self._limbs[side]
-        left, right = self._pad_bodies[side]
-        left_x, left_y, left_z = self._pad_centres[left].tolist()
-        right_x, right_y, right_z = self._pad_centres[right].tolist()
+        (left_x, left_y, left_z), (right_x, right_y, right_z) = self._pads[
+            side
+        ].tolist()
         x = right_x - left_x
         y = right_y - left_y
         z = right_z - left_z
@@ -401,26 +402,19 @@ class Contacts(ContactOwners):
         """Whether a contact of a finger with an owner pushes it along a unit vector."""
         pair = self._single[finger] | self._single[row]
         touching = self._touching
-        frames = self._all_frames()
         number = -1
         while True:
             try:
                 number = touching.index(pair, number + 1)
             except ValueError:
                 return False
-            a, b, c = frames[number, :3].tolist()
+            a, b, c = self._frames[number, :3].tolist()
             push = a * x + b * y + c * z
             # The engine's normal points from the first geom to the second.
             if self._owners[self._pairs[number][1]] != row:
                 push = -push
             if push > MIN_PRESS_COSINE:
                 return True
-
-    def _all_frames(self) -> Any:
-        """Frames (n, 9) of all contacts, read once for each state."""
-        if self._frames is None:
-            self._frames = self._data.contact.frame
-        return self._frames
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""

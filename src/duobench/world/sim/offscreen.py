@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from duobench.core.backend import DEPTH, RGB, SEGMENTATION, Image
 from duobench.core.errors import RenderingError
 from duobench.core.spatial import SE3
+from duobench.core.types import Array
 from duobench.world.looks import effects
 from duobench.world.looks.look import MAX_CLUTTER
 from duobench.world.scene.surfaces import SHADOWLESS_GEOM_GROUP
 from duobench.world.sim.appearance import Appearance, Texture
 from duobench.world.sim.opengl import in_words, info_of, open_context
+from duobench.world.sim.visibility import Visibility, frustum
 
 VISIBLE_GROUPS = 3
 """Geom groups 0 to 2 are rendered; collision shapes are in group 3."""
@@ -34,6 +36,8 @@ _DUMMY_SHADOW_MAP = 4
 """Side of the dummy shadow map: the smallest that leaves something inside its border."""
 _EVERYTHING = mujoco.mjtCatBit.mjCAT_ALL.value
 _DECOR = mujoco.mjtCatBit.mjCAT_DECOR.value
+_NOTHING = mujoco.mjtGeom.mjGEOM_NONE.value
+_DIRECTIONAL = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL.value
 _EFFECTS = [
     mujoco.mjtRndFlag.mjRND_REFLECTION.value,
     mujoco.mjtRndFlag.mjRND_SKYBOX.value,
@@ -145,6 +149,7 @@ class OffscreenRenderer:
         self._objects = np.flatnonzero(
             ~shadowless & (model.geom_group < VISIBLE_GROUPS)
         )
+        self._visibility = Visibility(model)
         # The far plane is 0 there, so that floats are dense where the scene is.
         self._mujoco_context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
         self._view = mujoco.MjvCamera()
@@ -168,6 +173,8 @@ class OffscreenRenderer:
         """Images of one state; shadows are rendered once, and the scene is made once."""
         images: Images = {}
         needs_scene = needs_shadows = True
+        coloured = [request for request in requests if RGB in request.kinds]
+        unseen = iter(list[list[int]]())
         for request in requests:
             self._set_size(request.size)
             found = images.setdefault(request.name, {})
@@ -177,7 +184,10 @@ class OffscreenRenderer:
                     needs_scene = True
                 else:
                     (self._update if needs_scene else self._turn_to)(data, request)
-                    self._render(new_shadows=needs_shadows)
+                    if needs_shadows:
+                        unseen = iter(self._leave_out(data, coloured))
+                        self._turn_to(data, request)
+                    self._render(new_shadows=needs_shadows, without=next(unseen))
                     image = self._pixels[::-1].copy()
                     needs_scene = needs_shadows = False
                 found[RGB] = self._with_effects(image, data, request)
@@ -280,6 +290,38 @@ class OffscreenRenderer:
             self._appearance.apply(self._scene, self._geoms)
         self._aim(request)
 
+    def _leave_out(
+        self, data: mujoco.MjData, requests: Sequence[CameraRequest]
+    ) -> list[list[int]]:
+        """Let what casts no shadow that a camera sees cast none.
+
+        Returns:
+            What each camera's image comes to the same without, as numbers in the scene. The first
+            image is rendered together with the shadows, so it needs all that casts one.
+        """
+        frustums: list[Array] = []
+        for request in requests:
+            self._turn_to(data, request)
+            frustums.append(frustum(self._scene.camera, request.size))
+        lights = self._scene.lights[: self._scene.nlight]
+        shadows = [light for light in lights if light.castshadow]
+        light = None
+        if len(shadows) == 1 and shadows[0].type == _DIRECTIONAL:
+            light = np.array(shadows[0].dir, dtype=np.float64)
+        geoms = self._geoms[: self._scene.ngeom]
+        casting = np.array([geom.category != _DECOR for geom in geoms])
+        unseen, unlit = self._visibility.unseen(
+            data,
+            np.array([geom.objid for geom in geoms]),
+            casting,
+            np.array(frustums),
+            light,
+        )
+        for number in np.flatnonzero(unlit).tolist():
+            geoms[number].category = _DECOR
+        unseen[0] &= unlit | ~casting
+        return [np.flatnonzero(numbers).tolist() for numbers in unseen]
+
     def _turn_to(self, data: mujoco.MjData, request: CameraRequest) -> None:
         """Look from another camera at the state that the scene was made of."""
         self._look_from(request)
@@ -300,8 +342,13 @@ class OffscreenRenderer:
         elif self._appearance is not None:
             self._appearance.aim(self._scene, request.number)
 
-    def _render(self, *, new_shadows: bool = True) -> None:
-        """Render the scene into the pixels, with shadows of its own or those of the last one."""
+    def _render(self, *, new_shadows: bool = True, without: Sequence[int] = ()) -> None:
+        """Render the scene into the pixels, with shadows of its own or those of the last one.
+
+        Args:
+            new_shadows: Whether the shadows are its own.
+            without: Geoms that are left out, as numbers in the scene.
+        """
         if new_shadows or not self._shadows[0]:
             self._restore_shadows()
         else:
@@ -309,7 +356,12 @@ class OffscreenRenderer:
             self._mujoco_context.shadowSize = _DUMMY_SHADOW_MAP
             for geom in self._geoms[: self._scene.ngeom]:
                 geom.category = _DECOR
+        kinds = [self._geoms[number].type for number in without]
+        for number in without:
+            self._geoms[number].type = _NOTHING
         mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
+        for number, kind in zip(without, kinds, strict=True):
+            self._geoms[number].type = kind
         mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._mujoco_context)
 
     def _restore_shadows(self) -> None:
