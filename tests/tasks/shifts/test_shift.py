@@ -1,3 +1,4 @@
+import math
 from dataclasses import astuple
 from itertools import pairwise
 
@@ -47,11 +48,12 @@ def test_levels_rise_along_every_axis() -> None:
     rows = [
         value for name, value in vars(levels).items() if name.isupper() and type(value) is tuple
     ]
-    assert len(rows) == 13
+    assert len(rows) == 16
     for row in rows:
         assert len(row) == LEVELS + 1
-        assert list(row) == sorted(set(row))
-        assert row[0] in (0, 1)
+        falls = row is levels.DEPTH_FARTHEST  # the nearer, the less is seen
+        assert list(row) == sorted(set(row), reverse=falls)
+        assert row[0] in (0, 1, math.inf)
 
 
 def test_physics_stay_within_their_bounds_in_the_same_direction_at_all_levels() -> None:
