@@ -262,9 +262,8 @@ class Appearance:
             if material is not None and material.texture is not None:
                 geom.matid = self._first_material + material.texture
                 geom.texid = self._first_texture + material.texture
-                geom.texcoord = (
-                    0  # a mesh may have coordinates for a texture of its own
-                )
+                # A mesh may have coordinates for a texture of its own.
+                geom.texcoord = 0
             if self._emission is not None:
                 geom.emission *= self._emission
         for piece in self._pieces:
