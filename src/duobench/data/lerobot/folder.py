@@ -22,17 +22,22 @@ from duobench.core.lerobot_keys import (
     STATE,
 )
 from duobench.core.types import CONTROL_HZ
-from duobench.core.video import AV1
+from duobench.core.video import AV1, HEVC12
+from duobench.data.lerobot import depth
 from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
 from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
+from duobench.world.robot.camera_geometry import named
 
 SCHEMA = 3
 """Version of `Export` and `EpisodeFacts`."""
 CHUNK_SIZE = 1000
 """Files in one folder; fixed by the format's default."""
 FPS = int(CONTROL_HZ)
+POSE, MATRIX = "table_from_camera.", "matrix."
+"""Prefixes of the columns of a camera's pose (4, 4) in the table frame, x right, y down, z forwards
+in the image, and of its matrix K (3, 3): row by row, where rows of the export may differ in it."""
 Vectors = Mapping[str, Sequence[str]]
 """Names of the numbers of each column that holds several in a row, by the name of the column."""
 _SCALARS = {
@@ -97,7 +102,20 @@ class Export:
         objects = (
             {OBJECT_STATE: self.object_state_names} if self.object_state_names else {}
         )
-        return vectors | objects
+        return vectors | objects | self._of_cameras
+
+    @property
+    def _of_cameras(self) -> dict[str, tuple[str, ...]]:
+        """Columns of what differs from row to row: poses, and with a look for each episode all."""
+        options = self.options
+        has_looks = options.look_numbers is not None
+        found = {}
+        for camera in map(named, options.seen if options.geometry else ()):
+            if has_looks:
+                found[f"{MATRIX}{camera.name}"] = _cells(3)
+            if has_looks or camera.arm is not None:
+                found[f"{POSE}{camera.name}"] = _cells(4)
+        return found
 
     @property
     def tasks(self) -> list[str]:
@@ -165,10 +183,12 @@ class EpisodeFacts:
     """Facts about a finished episode, beside its files."""
 
     counts: dict[str, list[list[int]]]
-    """Histograms of the values of each channel (3, 256), by camera."""
+    """Histograms of the values of each channel (3, 256), by camera; of codes of depth (1, 4096)."""
     residual: Residual | None
     sizes: dict[str, int] = field(default_factory=dict[str, int])
     """Bytes of each of its files, by its name from the folder of the export."""
+    cameras: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """The first row's `matrix` and `table_from_camera` of each camera, if they are exported."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,24 +211,24 @@ class ExportFolder:
         """Numbers of an episode."""
         return self.path / self.format.paths[0].format(**_numbers(index))
 
-    def video(self, camera: str, index: int) -> Path:
-        """Images of an episode."""
-        key = image_key(camera)
+    def video(self, name: str, index: int) -> Path:
+        """Images of an episode by a camera, or their depth."""
+        key = image_key(name)
         return self.path / self.format.paths[1].format(video_key=key, **_numbers(index))
 
-    def sizes(self, index: int, cameras: Iterable[str]) -> dict[str, int]:
+    def sizes(self, index: int, videos: Iterable[str]) -> dict[str, int]:
         """Bytes of each file of an episode that is there, by its name."""
-        paths = (self.data(index), *(self.video(camera, index) for camera in cameras))
+        paths = (self.data(index), *(self.video(name, index) for name in videos))
         return {
             path.relative_to(self.path).as_posix(): path.stat().st_size
             for path in paths
             if path.exists()
         }
 
-    def is_finished(self, index: int, cameras: Iterable[str]) -> bool:
+    def is_finished(self, index: int, videos: Iterable[str]) -> bool:
         """Whether every file of an episode is there, and whole."""
         is_noted = self.facts(index).exists()
-        return is_noted and self.read_facts(index).sizes == self.sizes(index, cameras)
+        return is_noted and self.read_facts(index).sizes == self.sizes(index, videos)
 
     def begin(self, export: Export) -> None:
         """Begin an export in this folder, or continue the one that is there."""
@@ -224,8 +244,8 @@ class ExportFolder:
         )
         remove_temporary(self.path)
         numbers = range(len(export.episodes))
-        cameras = export.options.cameras
-        known = {self.video(camera, index) for camera in cameras for index in numbers}
+        videos = export.options.videos
+        known = {self.video(name, index) for name in videos for index in numbers}
         known |= {
             each for index in numbers for each in (self.data(index), self.facts(index))
         }
@@ -273,33 +293,40 @@ def as_json(document: object) -> str:
     )
 
 
+def _cells(size: int) -> tuple[str, ...]:
+    """Names of the numbers of a square matrix, row by row: 00, 01, ..."""
+    return tuple(f"{row}{column}" for row in range(size) for column in range(size))
+
+
 def columns(vectors: Vectors) -> tuple[str, ...]:
     """Names of all columns of the Parquet files, in order."""
     return *vectors, *_SCALARS
 
 
-def image_key(camera: str) -> str:
-    """Name of a camera's images."""
-    return f"{IMAGE_PREFIX}{camera}"
+def image_key(name: str) -> str:
+    """Name of a camera's images, or of their depth."""
+    return f"{IMAGE_PREFIX}{name}"
 
 
 def describe(
-    vectors: Vectors, cameras: Sequence[str], size: tuple[int, int]
+    export: Export, cameras: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, dict[str, Any]]:
-    """All features, as `meta/info.json` lists them; `size` is height and width in pixels."""
+    """All features, as `meta/info.json` lists them; `cameras` are those of `EpisodeFacts`."""
     numbers = {
         column: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
-        for column, names in vectors.items()
+        for column, names in export.vectors.items()
     }
-    images = {
-        image_key(camera): {
+    images = {}
+    for name, (height, width) in export.options.videos.items():
+        camera = export.options.depth_of.get(name)
+        shape = [height, width, 3 if camera is None else 1]
+        images[image_key(name)] = {
             "dtype": "video",
-            "shape": [*size, 3],
+            "shape": shape,
             "names": ["height", "width", "channels"],
-            "info": _describe_video(size),
+            "info": _describe_video(shape)
+            | _placed(cameras.get(camera or name, {}), export.vectors, camera or name),
         }
-        for camera in cameras
-    }
     scalars = {
         name: {"dtype": dtype, "shape": [1], "names": None}
         for name, dtype in _SCALARS.items()
@@ -307,24 +334,44 @@ def describe(
     return numbers | images | scalars
 
 
-def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
-    """Entry of `meta/info.json` about a video, under the keys that LeRobot's own writer uses."""
+def _placed(about: Mapping[str, Any], vectors: Vectors, camera: str) -> dict[str, Any]:
+    """Matrix and pose of a camera: numbers, or the name of the column that has them by row."""
+    columns = {"matrix": MATRIX, "table_from_camera": POSE}
     return {
-        "video.height": size[0],
-        "video.width": size[1],
+        key: column if (column := f"{columns[key]}{camera}") in vectors else value
+        for key, value in about.items()
+    }
+
+
+def _describe_video(shape: Sequence[int]) -> dict[str, Any]:
+    """Entry of `meta/info.json` about a video, under the keys that LeRobot's own writer uses."""
+    height, width, channels = shape
+    is_depth = channels == 1
+    options = (HEVC12 if is_depth else AV1).options
+    of_depth = {
+        "video.codec": "hevc",
+        "video.pix_fmt": HEVC12.pixel_format,
+        "video.crf": None,
+        "video.preset": options["preset"],
+        "video.extra_options": {"x265-params": "lossless=1"},
+        **depth.INFO,
+    }
+    return {
+        "video.height": height,
+        "video.width": width,
         "video.codec": "av1",
         "video.pix_fmt": AV1.pixel_format,
         "video.fps": FPS,
-        "video.channels": 3,
+        "video.channels": channels,
         "has_audio": False,
-        "video.g": int(AV1.options["g"]),
+        "video.g": int(options["g"]),
         "video.crf": int(AV1.options["crf"]),
         "video.preset": int(AV1.options["preset"]),
         "video.fast_decode": 0,
         "video.video_backend": "pyav",
         "video.extra_options": {},
         "is_depth_map": False,
-    }
+    } | (of_depth if is_depth else {})
 
 
 def schema(vectors: Vectors, version: Format = Format.V30) -> pa.Schema:

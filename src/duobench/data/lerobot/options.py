@@ -3,20 +3,24 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
+from duobench.core.backend import DEPTH, RGB, Sizes, Wanted
 from duobench.core.errors import DataError, OptionError, check_known
 from duobench.core.types import as_several, as_size
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.config import IMAGE_SIZE, EnvConfig, name_of, wanted_images
 from duobench.envs.state_labels import StatePart
 from duobench.world.looks import catalog as looks
 from duobench.world.looks.catalog import DEFAULT, RANDOM, as_look
-from duobench.world.robot.cameras import POLICY_CAMERAS, check_image_size
+from duobench.world.robot.cameras import POLICY_CAMERAS, Camera, check_image_size
 
-LEAST_SIZE = 4
-"""Pixels along an edge of a video that its encoder takes at least."""
+LEAST_SIZE, LEAST_DEPTH_SIZE = 4, 16
+"""Pixels along an edge of a video that the encoder of images, and that of depth, takes at least."""
+DEPTH_SUFFIX = "_depth"
+"""Ending of the name of a camera's depth, as LeRobot's robots have it."""
 PER_EPISODE = "random_per_episode"
 """A random look for each episode, another one each; `:SEED` may follow."""
 
@@ -77,13 +81,19 @@ _KINDS = {"format": Format, "pairing": Pairing, "action_source": ActionSource}
 _set = object.__setattr__  # of what is frozen
 
 
+def _several(kind: str, given: Any) -> tuple[Any, ...]:
+    """One or several things of a kind."""
+    several = (given,) if isinstance(given, Camera) else as_several(given)
+    if several is None:
+        raise DataError(f"One {kind} is taken, or a list of them; got {given!r}.")
+    return several
+
+
 def _words(
     kind: str, given: str | Iterable[str], known: Iterable[str]
 ) -> tuple[str, ...]:
     """Words that are known, of one or several."""
-    words = as_several(given)
-    if words is None:
-        raise DataError(f"One {kind} is taken, or a list of them; got {given!r}.")
+    words = _several(kind, given)
     for word in words:
         check_known(kind, word, [*map(str, known)])
     return words
@@ -131,10 +141,17 @@ class EpisodeChoice:
 class ExportForm:
     """In what form they are exported."""
 
-    cameras: tuple[str, ...] = POLICY_CAMERAS
-    """Cameras whose images are rendered; without any, or with "none" alone, there are no images."""
+    cameras: tuple[str | Camera, ...] = POLICY_CAMERAS
+    """Cameras whose images are rendered; without any, or with "none" alone, there are no images.
+    One of your own is a `Camera`, on the command line as JSON or module:NAME."""
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers from 4 on."""
+    depth: bool | tuple[str, ...] = ()
+    """Cameras whose depth is exported too, as LeRobot's depth maps, with `geometry`; without a
+    name that of all of `cameras`."""
+    geometry: bool = False
+    """Export where cameras are: their matrices and poses in meta/info.json, and poses of those
+    that move in each row."""
     look: str = DEFAULT
     """How rendered images look, such as wood_table or random:7; see the page looks. In
     random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
@@ -161,11 +178,9 @@ class ExportForm:
             _set(self, name, kind(getattr(self, name)))
         state = _words("part of a state", self.state, StatePart)
         _set(self, "state", tuple(part for part in StatePart if part in state))
-        is_none = self.cameras in ("none", ("none",))
-        cameras = () if is_none else _words("camera", self.cameras, POLICY_CAMERAS)
-        _set(self, "cameras", tuple(dict.fromkeys(cameras)))
         check_known("action mode of an export", self.action, LABELS)
         _set(self, "size", _checked_size(self.size))
+        self._set_cameras()
         name, colon, seed = self.look.partition(":")
         if f"{name}:" != RANDOM:
             check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
@@ -178,6 +193,64 @@ class ExportForm:
                 f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "
                 f"{PER_EPISODE} or {PER_EPISODE}:SEED, one for each; got {self.look!r}."
             ) from error
+
+    def _set_cameras(self) -> None:
+        is_none = self.cameras in ("none", ("none",))
+        given = () if is_none else _several("camera", self.cameras)
+        seen = EnvConfig.from_options({"cameras": given, "depth": self.depth})
+        _set(self, "cameras", tuple(dict.fromkeys(seen.cameras)))
+        _set(self, "depth", tuple(dict.fromkeys(seen.depth)))
+        _set(self, "geometry", self.geometry or bool(self.depth))
+        if self.depth and self.format is Format.V21:
+            raise DataError(
+                f"Depth maps are of LeRobot's format {Format.V30.value}; v2.1 has none."
+            )
+        for sizes in self.wanted.values():
+            for size in sizes.values():
+                _checked_size(size)
+        for camera in self.depth_of.keys() & {*map(name_of, self.cameras)}:
+            raise DataError(
+                f"A camera {camera!r} has the name of the depth of another; call it otherwise."
+            )
+        least = min((min(self.videos[name]) for name in self.depth_of), default=None)
+        if least is not None and least < LEAST_DEPTH_SIZE:
+            raise DataError(
+                f"Height and width of depth in a video are at least {LEAST_DEPTH_SIZE}, got {least}."
+            )
+
+    @property
+    def wanted(self) -> Wanted:
+        """Images that are rendered, by kind and camera, with their sizes."""
+        return wanted_images(self.cameras, self.depth_names, (), self.size, {})
+
+    @property
+    def seen(self) -> Sizes:
+        """Cameras of which there are images or depth, with their sizes."""
+        return {
+            camera: size
+            for each in self.wanted.values()
+            for camera, size in each.items()
+        }
+
+    @property
+    def depth_names(self) -> tuple[str, ...]:
+        """Cameras whose depth is exported."""
+        return self.depth if isinstance(self.depth, tuple) else ()
+
+    @property
+    def depth_of(self) -> dict[str, str]:
+        """The camera of each video of depth, by the video's name."""
+        return {f"{name}{DEPTH_SUFFIX}": name for name in self.depth_names}
+
+    @property
+    def videos(self) -> dict[str, tuple[int, int]]:
+        """Height and width of each video by its name: images of cameras, then depth."""
+        ends = {RGB: "", DEPTH: DEPTH_SUFFIX}
+        return {
+            f"{name_of(camera)}{ends[kind]}": size
+            for kind, sizes in self.wanted.items()
+            for camera, size in sizes.items()
+        }
 
     @property
     def look_numbers(self) -> int | None:
