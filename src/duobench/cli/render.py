@@ -9,7 +9,7 @@ import tyro
 from duobench.cli.shared.console import say
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.resets import reset_env
-from duobench.core.backend import DEPTH, SEGMENTATION
+from duobench.core.backend import DEPTH, SEGMENTATION, Sizes
 from duobench.core.files import make_folder, taken_back, writing
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
@@ -71,7 +71,7 @@ def run(
                 look=base.look,
             ) as renderer:
                 images |= renderer.render_all(simulation.data, seen)
-        sizes = dict.fromkeys(cameras, size)
+        sizes: Sizes = {**dict.fromkeys(cameras, size)}
         wanted = {
             DEPTH: sizes if depth else {},
             SEGMENTATION: sizes if segmentation else {},

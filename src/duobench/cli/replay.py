@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from duobench.data import DataSet, ImageSource, Recording
 
 
-def run(
+def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     data: Positional[Path],
     mode: Literal["states", "actions"] = "states",
     tasks: tuple[str, ...] = (),

@@ -16,6 +16,7 @@ from duobench.core.backend import (
     DEPTH,
     RGB,
     SEGMENTATION,
+    AnyCamera,
     CameraGeometry,
     Image,
     Sizes,
@@ -157,12 +158,15 @@ def _sizes(
     size: tuple[int, int],
 ) -> Sizes:
     """The cameras of some names, or all, with the size of their images."""
-    named = {name_of(camera): camera for camera in cameras}
-    names = named if given is True else as_several(given or ())
+    own = {camera.name: camera for camera in cameras if isinstance(camera, Camera)}
+    names = [*map(name_of, cameras)] if given is True else as_several(given or ())
     if names is None:
         raise OptionError(f"True, a name, or a list of names is taken; got {given!r}.")
-    found = [named.get(name, name) for name in names]
-    return {camera: getattr(camera, "size", None) or size for camera in found}
+    sizes: dict[str | AnyCamera, tuple[int, int]] = {}
+    for name in names:
+        camera = own.get(name)
+        sizes[camera or name] = (camera and camera.size) or size
+    return sizes
 
 
 View = Callable[[Image, tuple[int, int]], Image]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -264,29 +264,18 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
 
 
 def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
-    for camera in metadata.cameras:
-        if camera not in config.cameras:
-            cameras = ", ".join(config.camera_names) or "none"
-            is_there = name_of(camera) in config.camera_names
-            which = ", another one of that name" if is_there else ""
-            yield (
-                f"it sees camera {name_of(camera)!r}, the environment shows {cameras}{which}"
-            )
+    yield from _unseen("", metadata.cameras, config.cameras)
     for kind in (DEPTH, SEGMENTATION):
-        shown = getattr(config, kind)
-        for camera in getattr(metadata, kind):
-            if camera not in shown:
-                yield (
-                    f"it sees the {kind} of camera {camera!r}, the environment shows that of "
-                    f"{', '.join(shown) or 'none'}"
-                )
+        yield from _unseen(
+            f"{kind} of ", getattr(metadata, kind), getattr(config, kind)
+        )
     size = metadata.image_size
     if metadata.cameras and size is not None and size != config.image_size:
         yield f"it sees images of {size}, the environment's are {config.image_size}"
     for camera, own in metadata.image_sizes.items():
         found = config.image_sizes.get(camera, config.image_size)
         if found != own:
-            yield f"it sees images of {own} of camera {camera!r}, the environment's are {found}"
+            yield f"it sees images of {own} of {camera!r}, the environment's are {found}"
     if metadata.object_state and not config.object_state:
         yield "it reads the state of the objects, which the environment does not show"
     if config.flat_obs:
@@ -295,3 +284,17 @@ def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
         yield f"its actions are {metadata.action_mode!r}, the environment's {config.action_mode!r}"
     if config.chunk is not None:
         yield "it gives chunks of any length, the environment takes chunks of one length"
+
+
+def _unseen(
+    what: str, wanted: Iterable[str | Camera], shown: Collection[str | Camera]
+) -> Iterator[str]:
+    """Cameras, or something of cameras, that a policy sees and an environment does not show."""
+    names = ", ".join(map(name_of, shown)) or "none"
+    for camera in wanted:
+        if camera not in shown:
+            name = name_of(camera)
+            other = (
+                ", elsewhere or with another lens" if name in names.split(", ") else ""
+            )
+            yield f"it sees {what}camera {name!r}, the environment shows {what}{names}{other}"

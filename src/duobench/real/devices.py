@@ -19,7 +19,6 @@ from duobench.core.backend import Image
 from duobench.core.types import Array
 from duobench.results.labels import Fault
 
-
 Depth = NDArray[np.float32]
 """Distances along the optical axis (height, width) in metres, 0 where it is not known."""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from duobench.core.backend import RGB, CameraGeometry, Image, Sizes, Wanted
+from duobench.core.backend import RGB, AnyCamera, CameraGeometry, Image, Sizes, Wanted
 from duobench.core.errors import ActionError, BackendError, escaped
 from duobench.core.spatial import SE3
 from duobench.core.types import SIDES, Array, DuoCommand, DuoState, Side
@@ -458,7 +458,7 @@ class FrankaDuo:
         return self._watchdog.image_ages()
 
     def images(
-        self, cameras: Sequence[str], shape: tuple[int, int]
+        self, cameras: Sequence[str | AnyCamera], shape: tuple[int, int]
     ) -> dict[str, Image]:
         """The latest image of each of some cameras, as the simulation's camera would see it.
 

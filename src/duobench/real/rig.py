@@ -24,6 +24,7 @@ from duobench.real.catalog import (
     DRIVERS,
     FRANKY,
     HARDWARE_GRIPPER,
+    check_depth,
     check_driver,
     is_computed,
 )
@@ -238,7 +239,7 @@ class CameraConfig:
     gain: float | None = None
     """Gain in the camera's units."""
     depth: bool = False
-    """Whether it measures depth too, aligned with its images, as a D405 can: twice the data on USB."""
+    """Whether it measures depth too, as a D405 can; that is twice the data."""
     calibration: CameraCalibration | None = None
     """Lens and mount; None until they were measured."""
 

@@ -212,11 +212,12 @@ class ExportForm:
             raise DataError(
                 f"A camera {camera!r} has the name of the depth of another; call it otherwise."
             )
-        least = min((min(self.videos[name]) for name in self.depth_of), default=None)
-        if least is not None and least < LEAST_DEPTH_SIZE:
-            raise DataError(
-                f"Height and width of depth in a video are at least {LEAST_DEPTH_SIZE}, got {least}."
-            )
+        for name in self.depth_of:
+            if min(self.videos[name]) < LEAST_DEPTH_SIZE:
+                raise DataError(
+                    f"Depth in a video has at least {LEAST_DEPTH_SIZE} pixels across and down, got "
+                    f"{self.videos[name]}."
+                )
 
     @property
     def wanted(self) -> Wanted:

@@ -191,10 +191,8 @@ class ThreadedCamera(LatestFrame):
         """Open the camera, in its thread; BackendError where it cannot be opened."""
 
     @abstractmethod
-    def _wait(
-        self,
-    ) -> tuple[Image, float, int] | tuple[Image, float, int, Depth | None] | None:
-        """The next image with its time, number and depth, if any; None after a while without one.
+    def _wait(self) -> tuple[Image, float, int, Depth | None] | None:
+        """The next image with its time, number and depth; None after a short while without one.
 
         BackendError where there will be no more.
         """
