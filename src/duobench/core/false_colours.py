@@ -12,8 +12,8 @@ from PIL import Image as Pillow, ImageDraw, ImageFont
 Picture = NDArray[np.uint8]
 Legend = Mapping[str, tuple[int, int, int]]
 """Red, green and blue by what they stand for."""
-NEAREST, FARTHEST = 0.1, 7.0
-"""Depths in metres of the first and the last colour; between them it goes by their logarithm."""
+NEAREST, FARTHEST = 0.1, 3.0
+"""Depths in metres of the first and the last colour, between which it goes by their logarithm."""
 _STOPS = (
     (253, 231, 37),
     (94, 201, 98),
@@ -22,7 +22,7 @@ _STOPS = (
     (68, 1, 84),
 )
 """Yellow is near, violet is far [viridis, which people see alike who tell few colours apart]."""
-_MARKS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+_MARKS = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0)
 """Depths in metres that a legend names."""
 _NOTHING = (0, 0, 0)
 _GOLDEN = 0.618034
