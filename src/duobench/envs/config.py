@@ -202,7 +202,7 @@ def camera_options(options: Mapping[str, Any]) -> dict[str, Any]:
         values["cameras"], by_name = _with_sizes(values["cameras"])
         values["image_sizes"] = {**values.get("image_sizes", {}), **by_name}
     for name in (DEPTH, SEGMENTATION):
-        if values.get(name) is True:
+        if _flag(values.get(name)) is True:
             cameras = as_several(values.get("cameras", POLICY_CAMERAS)) or ()
             values[name] = tuple(map(name_of, cameras)) or POLICY_CAMERAS
     return values
@@ -264,8 +264,10 @@ def _cameras(value: Any) -> Any:
 
 
 def _names(value: Any) -> Any:
-    if value is False:
+    if _flag(value) is False:
         return ()
+    if isinstance(value, Camera):  # in a tuple, it is rejected by what it is
+        return (value,)
     return value if (names := as_several(value)) is None else names
 
 

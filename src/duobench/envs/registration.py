@@ -209,13 +209,16 @@ def _spec_with(task: Task | str, options: EnvOptions) -> EnvSpec | str:
     """Specification of a task's environment for Gymnasium, of options that it may copy."""
     # The spec keeps these and writes them as JSON: no generators, and cameras as plain data.
     given: dict[str, Any] = dict(options)
-    for name in ("cameras", "depth", "segmentation"):
-        value = given.get(name)
-        several = (value,) if isinstance(value, Camera) else as_several(value)
+    for name in ("depth", "segmentation"):
+        several = as_several(given.get(name))
         if several is not None:
-            given[name] = tuple(
-                asdict(each) if isinstance(each, Camera) else each for each in several
-            )
+            given[name] = several
+    cameras = given.get("cameras")
+    several = (cameras,) if isinstance(cameras, Camera) else as_several(cameras)
+    if several is not None:
+        given["cameras"] = tuple(
+            asdict(each) if isinstance(each, Camera) else each for each in several
+        )
     options.update(given)  # type: ignore[typeddict-item] - plain data is taken too
     if isinstance(task, str) and (known := env_id(catalog.plain(task))) in gym.registry:
         return known
