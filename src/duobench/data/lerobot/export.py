@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from duobench.core.backend import DEPTH, RGB
+from duobench.core.backend import DEPTH, RGB, CameraGeometry
 from duobench.core.errors import (
     DataError,
     OtherRunError,
@@ -45,7 +45,6 @@ from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.depth import encoded
 from duobench.data.lerobot.folder import (
     FPS,
-    MATRIX,
     POSE,
     SCHEMA,
     EpisodeFacts,
@@ -53,6 +52,7 @@ from duobench.data.lerobot.folder import (
     ExportFolder,
     Residual,
     SourceEpisode,
+    Vectors,
     schema,
 )
 from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
@@ -320,12 +320,13 @@ def _exporter(
 ) -> Callable[[_Job], _Job]:
     """Exporter of one episode after the other; it keeps the model of a task."""
     options = next(iter(plans.values())).options
+    depth_of = options.depth_of
     source_of = lru_cache(maxsize=1)(
         partial(
             ImageSource,
             cameras=options.cameras,
             size=options.size,
-            depth=options.depth_names,
+            depth=list(depth_of.values()),
         )
     )
 
@@ -360,15 +361,16 @@ def _exporter(
                     )
                     images = ending.enter_context(closing(recorded)).images
                 else:
-                    images = partial(_seen, source, recording, options)
-                write_videos(_frames(images, shown, counts), paths, options.depth_of)
+                    images = partial(_seen, source, depth_of, recording)
+                write_videos(_frames(images, shown, counts), paths, depth_of)
         if source is not None and OBJECT_STATE in export.vectors:
             columns[OBJECT_STATE] = np.array(
                 [source.objects(recording, row) for row in shown]
             )
         cameras = {}
         if source is not None and options.geometry:
-            cameras = _place_cameras(source, recording, shown, columns)
+            placed = [source.geometry(recording, row) for row in shown]
+            cameras = _described(placed, columns, export.vectors)
         described = schema(export.vectors, options.format)
         arrays = [to_arrow(columns[name]) for name in described.names]
         check_there(folder.meta)
@@ -388,37 +390,29 @@ def _exporter(
 
 
 def _seen(
-    source: ImageSource, recording: Recording, options: ExportOptions, row: int
+    source: ImageSource, depth_of: Mapping[str, str], recording: Recording, row: int
 ) -> dict[str, Frame]:
     """Frames of a row by the names of their videos: images, and codes of depth."""
     images = source.images_by_kind(recording, row)
-    depths = images.get(DEPTH, {})
-    codes = {name: encoded(depths[of]) for name, of in options.depth_of.items()}
+    codes = {name: encoded(images[DEPTH][of]) for name, of in depth_of.items()}
     return {**images.get(RGB, {}), **codes}
 
 
-def _place_cameras(
-    source: ImageSource,
-    recording: Recording,
-    rows: Sequence[int],
+def _described(
+    placed: Sequence[Mapping[str, CameraGeometry]],
     columns: dict[str, NDArray[Any]],
+    vectors: Vectors,
 ) -> dict[str, dict[str, Any]]:
-    """Add the columns of where cameras are at rows, and give what holds at the first one."""
-    placed = [source.geometry(recording, row) for row in rows]
-    for name in placed[0]:
-        matrices = [each[name].matrix for each in placed]
-        poses = [each[name].table_from_camera for each in placed]
-        for prefix, values in ((MATRIX, matrices), (POSE, poses)):
-            columns[f"{prefix}{name}"] = (
-                np.array(values).reshape(len(rows), -1).astype(np.float32)
-            )
-    return {
-        name: {
-            "matrix": each.matrix.tolist(),
-            "table_from_camera": each.table_from_camera.tolist(),
-        }
-        for name, each in placed[0].items()
-    }
+    """Describe cameras whose place is known in each row, and add a column for each that moves."""
+    cameras: dict[str, dict[str, Any]] = {}
+    for name, first in placed[0].items():
+        pose: Any = first.table_from_camera.tolist()
+        poses = np.array([each[name].table_from_camera.ravel() for each in placed])
+        if f"{POSE}{name}" in vectors:
+            pose = f"{POSE}{name}"
+            columns[pose] = poses.astype(np.float32)
+        cameras[name] = {"matrix": first.matrix.tolist(), "table_from_camera": pose}
+    return cameras
 
 
 def _frames(

@@ -35,9 +35,9 @@ SCHEMA = 3
 CHUNK_SIZE = 1000
 """Files in one folder; fixed by the format's default."""
 FPS = int(CONTROL_HZ)
-POSE, MATRIX = "table_from_camera.", "matrix."
-"""Prefixes of the columns of a camera's pose (4, 4) in the table frame, x right, y down, z forwards
-in the image, and of its matrix K (3, 3): row by row, where rows of the export may differ in it."""
+POSE = "table_from_camera."
+"""Prefix of the columns of poses of cameras that move, in the table frame: (4, 4), row by row."""
+_CELLS = tuple(f"{row}{column}" for row in range(4) for column in range(4))
 Vectors = Mapping[str, Sequence[str]]
 """Names of the numbers of each column that holds several in a row, by the name of the column."""
 _SCALARS = {
@@ -102,20 +102,11 @@ class Export:
         objects = (
             {OBJECT_STATE: self.object_state_names} if self.object_state_names else {}
         )
-        return vectors | objects | self._of_cameras
-
-    @property
-    def _of_cameras(self) -> dict[str, tuple[str, ...]]:
-        """Columns of what differs from row to row: poses, and with a look for each episode all."""
-        options = self.options
-        has_looks = options.look_numbers is not None
-        found = {}
-        for camera in map(named, options.seen if options.geometry else ()):
-            if has_looks:
-                found[f"{MATRIX}{camera.name}"] = _cells(3)
-            if has_looks or camera.arm is not None:
-                found[f"{POSE}{camera.name}"] = _cells(4)
-        return found
+        seen = map(named, self.options.seen if self.options.geometry else ())
+        poses = {
+            f"{POSE}{camera.name}": _CELLS for camera in seen if camera.arm is not None
+        }
+        return vectors | objects | poses
 
     @property
     def tasks(self) -> list[str]:
@@ -188,7 +179,7 @@ class EpisodeFacts:
     sizes: dict[str, int] = field(default_factory=dict[str, int])
     """Bytes of each of its files, by its name from the folder of the export."""
     cameras: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """The first row's `matrix` and `table_from_camera` of each camera, if they are exported."""
+    """The `matrix` of each camera, and `table_from_camera`: a pose, or the column of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,11 +284,6 @@ def as_json(document: object) -> str:
     )
 
 
-def _cells(size: int) -> tuple[str, ...]:
-    """Names of the numbers of a square matrix, row by row: 00, 01, ..."""
-    return tuple(f"{row}{column}" for row in range(size) for column in range(size))
-
-
 def columns(vectors: Vectors) -> tuple[str, ...]:
     """Names of all columns of the Parquet files, in order."""
     return *vectors, *_SCALARS
@@ -317,15 +303,14 @@ def describe(
         for column, names in export.vectors.items()
     }
     images = {}
-    for name, (height, width) in export.options.videos.items():
+    for name, size in export.options.videos.items():
         camera = export.options.depth_of.get(name)
-        shape = [height, width, 3 if camera is None else 1]
+        about = _describe_video(size) if camera is None else _describe_depth(size)
         images[image_key(name)] = {
             "dtype": "video",
-            "shape": shape,
+            "shape": [*size, about["video.channels"]],
             "names": ["height", "width", "channels"],
-            "info": _describe_video(shape)
-            | _placed(cameras.get(camera or name, {}), export.vectors, camera or name),
+            "info": {**about, **cameras.get(camera or name, {})},
         }
     scalars = {
         name: {"dtype": dtype, "shape": [1], "names": None}
@@ -334,44 +319,37 @@ def describe(
     return numbers | images | scalars
 
 
-def _placed(about: Mapping[str, Any], vectors: Vectors, camera: str) -> dict[str, Any]:
-    """Matrix and pose of a camera: numbers, or the name of the column that has them by row."""
-    columns = {"matrix": MATRIX, "table_from_camera": POSE}
-    return {
-        key: column if (column := f"{columns[key]}{camera}") in vectors else value
-        for key, value in about.items()
-    }
-
-
-def _describe_video(shape: Sequence[int]) -> dict[str, Any]:
+def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
     """Entry of `meta/info.json` about a video, under the keys that LeRobot's own writer uses."""
-    height, width, channels = shape
-    is_depth = channels == 1
-    options = (HEVC12 if is_depth else AV1).options
-    of_depth = {
-        "video.codec": "hevc",
-        "video.pix_fmt": HEVC12.pixel_format,
-        "video.crf": None,
-        "video.preset": options["preset"],
-        "video.extra_options": {"x265-params": "lossless=1"},
-        **depth.INFO,
-    }
     return {
-        "video.height": height,
-        "video.width": width,
+        "video.height": size[0],
+        "video.width": size[1],
         "video.codec": "av1",
         "video.pix_fmt": AV1.pixel_format,
         "video.fps": FPS,
-        "video.channels": channels,
+        "video.channels": 3,
         "has_audio": False,
-        "video.g": int(options["g"]),
+        "video.g": int(AV1.options["g"]),
         "video.crf": int(AV1.options["crf"]),
         "video.preset": int(AV1.options["preset"]),
         "video.fast_decode": 0,
         "video.video_backend": "pyav",
         "video.extra_options": {},
         "is_depth_map": False,
-    } | (of_depth if is_depth else {})
+    }
+
+
+def _describe_depth(size: tuple[int, int]) -> dict[str, Any]:
+    return {
+        **_describe_video(size),
+        "video.codec": "hevc",
+        "video.pix_fmt": HEVC12.pixel_format,
+        "video.channels": 1,
+        "video.crf": None,
+        "video.preset": HEVC12.options["preset"],
+        "video.extra_options": {"x265-params": "lossless=1"},
+        **depth.INFO,
+    }
 
 
 def schema(vectors: Vectors, version: Format = Format.V30) -> pa.Schema:

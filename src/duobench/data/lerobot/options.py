@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from duobench.core.backend import DEPTH, RGB, Sizes, Wanted
+from duobench.core.backend import DEPTH, RGB, Wanted
 from duobench.core.errors import DataError, OptionError, check_known
 from duobench.core.types import as_several, as_size
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import IMAGE_SIZE, EnvConfig, name_of, wanted_images
+from duobench.envs.config import IMAGE_SIZE, EnvConfig, name_of
 from duobench.envs.state_labels import StatePart
 from duobench.world.looks import catalog as looks
 from duobench.world.looks.catalog import DEFAULT, RANDOM, as_look
@@ -99,7 +99,7 @@ def _words(
     return words
 
 
-def _checked_size(given: object) -> tuple[int, int]:
+def _checked_size(given: object, least: int = LEAST_SIZE) -> tuple[int, int]:
     """Height and width in pixels that a camera gives and a video has."""
     size = as_size(given)
     if size is None:
@@ -107,9 +107,9 @@ def _checked_size(given: object) -> tuple[int, int]:
             f"Images have a size (height, width) in pixels, or one number; got {given!r}."
         )
     check_image_size(*size)
-    if any(pixels % 2 or pixels < LEAST_SIZE for pixels in size):
+    if any(pixels % 2 or pixels < least for pixels in size):
         raise DataError(
-            f"Height and width of images in a video are even numbers from {LEAST_SIZE} on, got "
+            f"Height and width of images in a video are even numbers from {least} on, got "
             f"{size[0]}x{size[1]}."
         )
     return size
@@ -147,11 +147,11 @@ class ExportForm:
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers from 4 on."""
     depth: bool | tuple[str, ...] = ()
-    """Cameras whose depth is exported too, as LeRobot's depth maps, with `geometry`; without a
-    name that of all of `cameras`."""
+    """Cameras whose depth is exported too, as LeRobot's depth maps; without a name that of all of
+    `cameras`."""
     geometry: bool = False
-    """Export where cameras are: their matrices and poses in meta/info.json, and poses of those
-    that move in each row."""
+    """Export where cameras are: matrices and poses in meta/info.json, and poses of those that move
+    in each row; done with depth, unless each episode has a look of its own."""
     look: str = DEFAULT
     """How rendered images look, such as wood_table or random:7; see the page looks. In
     random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
@@ -200,57 +200,54 @@ class ExportForm:
         seen = EnvConfig.from_options({"cameras": given, "depth": self.depth})
         _set(self, "cameras", tuple(dict.fromkeys(seen.cameras)))
         _set(self, "depth", tuple(dict.fromkeys(seen.depth)))
-        _set(self, "geometry", self.geometry or bool(self.depth))
+        has_looks = self.look_numbers is not None
+        _set(self, "geometry", self.geometry or bool(self.depth and not has_looks))
         if self.depth and self.format is Format.V21:
             raise DataError(
-                f"Depth maps are of LeRobot's format {Format.V30.value}; v2.1 has none."
+                f"Depth maps need format {Format.V30}; {Format.V21} has none."
             )
-        for sizes in self.wanted.values():
-            for size in sizes.values():
-                _checked_size(size)
-        for camera in self.depth_of.keys() & {*map(name_of, self.cameras)}:
+        if self.geometry and has_looks:
             raise DataError(
-                f"A camera {camera!r} has the name of the depth of another; call it otherwise."
+                "Where cameras are is exported in one look for all episodes; in "
+                f"{self.look!r} each has others."
             )
-        for name in self.depth_of:
-            if min(self.videos[name]) < LEAST_DEPTH_SIZE:
-                raise DataError(
-                    f"Depth in a video has at least {LEAST_DEPTH_SIZE} pixels across and down, got "
-                    f"{self.videos[name]}."
-                )
+        for name, size in self.videos.items():
+            _checked_size(
+                size, LEAST_DEPTH_SIZE if name in self.depth_of else LEAST_SIZE
+            )
 
     @property
     def wanted(self) -> Wanted:
         """Images that are rendered, by kind and camera, with their sizes."""
-        return wanted_images(self.cameras, self.depth_names, (), self.size, {})
-
-    @property
-    def seen(self) -> Sizes:
-        """Cameras of which there are images or depth, with their sizes."""
-        return {
-            camera: size
-            for each in self.wanted.values()
-            for camera, size in each.items()
+        options = {
+            "cameras": self.cameras,
+            "depth": self.depth,
+            "image_size": self.size,
         }
+        return EnvConfig.from_options(options).wanted
 
     @property
-    def depth_names(self) -> tuple[str, ...]:
-        """Cameras whose depth is exported."""
-        return self.depth if isinstance(self.depth, tuple) else ()
+    def seen(self) -> tuple[str | Camera, ...]:
+        """Cameras of which there are images or depth: of one's own as they are, others by name."""
+        own = {name_of(camera): camera for camera in self.cameras}
+        return *own.values(), *(
+            name for name in self.depth_of.values() if name not in own
+        )
 
     @property
     def depth_of(self) -> dict[str, str]:
         """The camera of each video of depth, by the video's name."""
-        return {f"{name}{DEPTH_SUFFIX}": name for name in self.depth_names}
+        names = map(name_of, self.wanted.get(DEPTH, ()))
+        return {f"{name}{DEPTH_SUFFIX}": name for name in names}
 
     @property
     def videos(self) -> dict[str, tuple[int, int]]:
         """Height and width of each video by its name: images of cameras, then depth."""
-        ends = {RGB: "", DEPTH: DEPTH_SUFFIX}
+        images = self.wanted.get(RGB, {}).items()
+        depths = self.wanted.get(DEPTH, {}).values()
         return {
-            f"{name_of(camera)}{ends[kind]}": size
-            for kind, sizes in self.wanted.items()
-            for camera, size in sizes.items()
+            **{name_of(camera): size for camera, size in images},
+            **dict(zip(self.depth_of, depths, strict=True)),
         }
 
     @property

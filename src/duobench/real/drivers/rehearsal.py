@@ -7,7 +7,7 @@ from typing import Any
 
 import mujoco
 
-from duobench.core.backend import DEPTH, RGB, Image
+from duobench.core.backend import DEPTH, RGB, Image, Sizes
 from duobench.core.errors import BackendError, RenderingError, check_known
 from duobench.core.types import SIDES, Array, Side
 from duobench.real.clock import Clock, SystemClock, Ticker, VirtualClock
@@ -217,9 +217,9 @@ class RehearsalViews:
                     )
                 names = [name for name, each in self._shapes.items() if each == shape]
                 deep = [name for name in names if name in self._with_depth]
-                wanted = {
-                    RGB: dict.fromkeys(names, shape),
-                    DEPTH: dict.fromkeys(deep, shape),
+                wanted: dict[str, Sizes] = {
+                    RGB: {**dict.fromkeys(names, shape)},
+                    DEPTH: {**dict.fromkeys(deep, shape)},
                 }
                 try:
                     images = self._renderers[shape].render_kinds(data, wanted)
