@@ -28,6 +28,7 @@ from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import (
+    HEAD,
     NATIVE_HEIGHT,
     NATIVE_WIDTH,
     POLICY_CAMERAS,
@@ -331,11 +332,15 @@ _FORMS: Mapping[str, Callable[[Any], Any]] = {
 """Functions that give a looser value the form of its field, and leave anything else as it is."""
 
 
+_SIZED = {HEAD: (128, 128)}
+"""Sizes by name, for messages."""
+
+
 def _check_cameras(config: EnvConfig) -> None:
     if not isinstance(config.cameras, tuple):
         raise OptionError(
             "cameras is True, False, a camera, a list of them, or sizes by name, such as "
-            f"{{'head': (128, 128)}}; got {config.cameras!r}."
+            f"{_SIZED}; got {config.cameras!r}."
         )
     for name in (DEPTH, SEGMENTATION):
         value = getattr(config, name)
@@ -350,7 +355,7 @@ def _check_cameras(config: EnvConfig) -> None:
             )
     if not isinstance(config.image_sizes, Mapping):
         raise OptionError(
-            "image_sizes is sizes by the name of a camera, such as {'head': (128, 128)}; got "
+            f"image_sizes is sizes by the name of a camera, such as {_SIZED}; got "
             f"{config.image_sizes!r}."
         )
     for name, size in config.image_sizes.items():

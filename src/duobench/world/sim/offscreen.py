@@ -177,7 +177,7 @@ class OffscreenRenderer:
         needs_scene = needs_shadows = True
         for request in requests:
             self._set_size(request.size)
-            found = images[request.name] = {}
+            found = images.setdefault(request.name, {})
             if RGB in request.kinds:
                 if len(self._offsets) > 1:
                     image = self._average(data, request)
