@@ -17,7 +17,7 @@ from duobench.core.backend import DEPTH, SEGMENTATION, Image, Wanted
 from duobench.core.errors import BackendError, DataError, OptionError, check_known
 from duobench.core.spatial import SE3
 from duobench.core.types import Array
-from duobench.envs.config import name_of
+from duobench.envs.camera_options import name_of
 from duobench.real.devices import Camera, Depth, Frame
 from duobench.real.rig import CameraCalibration, CameraConfig
 from duobench.world.robot.cameras import (

@@ -60,7 +60,7 @@ from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
 from duobench.envs.action_modes import CARTESIAN, JOINT
-from duobench.envs.config import name_of
+from duobench.envs.camera_options import name_of
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import RANDOM
 from duobench.world.robot.cameras import describe_cameras

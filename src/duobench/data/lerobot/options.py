@@ -11,7 +11,8 @@ from duobench.core.types import as_several, as_size
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import IMAGE_SIZE, EnvConfig, name_of
+from duobench.envs.camera_options import name_of
+from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.state_labels import StatePart
 from duobench.world.looks import catalog as looks
 from duobench.world.looks.catalog import DEFAULT, RANDOM, as_look
