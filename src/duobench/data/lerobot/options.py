@@ -212,6 +212,9 @@ class ExportForm:
                 "Where cameras are is exported in one look for all episodes; in "
                 f"{self.look!r} each has others."
             )
+        for name in map(name_of, self.cameras):
+            if name in self.depth_of:
+                raise DataError(f"Depth of another camera is called {name!r} here.")
         for name, size in self.videos.items():
             _checked_size(
                 size, LEAST_DEPTH_SIZE if name in self.depth_of else LEAST_SIZE
