@@ -139,8 +139,8 @@ class EpisodeChoice:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportForm:
-    """In what form they are exported."""
+class ExportImages:
+    """What cameras show of them."""
 
     cameras: tuple[str | Camera, ...] = POLICY_CAMERAS
     """Cameras whose images are rendered; without any, or with "none" alone, there are no images.
@@ -157,31 +157,9 @@ class ExportForm:
     """How rendered images look, such as wood_table or random:7; see the page looks. In
     random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
     others."""
-    format: Format = Format.V30
-    """Version of LeRobot's format: v3.0, or v2.1 with what openpi and Isaac-GR00T want beside."""
-    pairing: Pairing = Pairing.CAUSAL
-    """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
-    action: str = JOINT.name
-    """Mode of the actions: joint (targets), cartesian (tool poses) or cartesian_relative
-    (changes of them), with rotations as six numbers; see the page lerobot."""
-    action_source: ActionSource = ActionSource.INTENDED
-    """Which recorded numbers they are made of: what the actor wanted (intended; where it acted in
-    something else, what was sent), what was sent, or what was given, brought to joint targets."""
-    state: tuple[StatePart, ...] = ()
-    """Parts of the state behind joint positions and openings: tool poses (tcp_pose), joint
-    velocities (joint_velocity), or both."""
-    object_state: bool = False
-    """Export where the objects are too, as numbers that no camera sees."""
 
     def __post_init__(self) -> None:
-        for name, kind in _KINDS.items():
-            check_known(name.replace("_", " "), getattr(self, name), [*map(str, kind)])
-            _set(self, name, kind(getattr(self, name)))
-        state = _words("part of a state", self.state, StatePart)
-        _set(self, "state", tuple(part for part in StatePart if part in state))
-        check_known("action mode of an export", self.action, LABELS)
         _set(self, "size", _checked_size(self.size))
-        self._set_cameras()
         name, colon, seed = self.look.partition(":")
         if f"{name}:" != RANDOM:
             check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
@@ -194,6 +172,7 @@ class ExportForm:
                 f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "
                 f"{PER_EPISODE} or {PER_EPISODE}:SEED, one for each; got {self.look!r}."
             ) from error
+        self._set_cameras()
 
     def _set_cameras(self) -> None:
         is_none = self.cameras in ("none", ("none",))
@@ -203,10 +182,6 @@ class ExportForm:
         _set(self, "depth", tuple(dict.fromkeys(seen.depth)))
         has_looks = self.look_numbers is not None
         _set(self, "geometry", self.geometry or bool(self.depth and not has_looks))
-        if self.depth and self.format is Format.V21:
-            raise DataError(
-                f"Depth maps need format {Format.V30}; {Format.V21} has none."
-            )
         if self.geometry and has_looks:
             raise DataError(
                 "Where cameras are is exported in one look for all episodes; in "
@@ -262,9 +237,43 @@ class ExportForm:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportOptions(ExportForm, EpisodeChoice):
+class ExportForm:
+    """In what form they are exported."""
+
+    format: Format = Format.V30
+    """Version of LeRobot's format: v3.0, or v2.1 with what openpi and Isaac-GR00T want beside."""
+    pairing: Pairing = Pairing.CAUSAL
+    """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
+    action: str = JOINT.name
+    """Mode of the actions: joint (targets), cartesian (tool poses) or cartesian_relative
+    (changes of them), with rotations as six numbers; see the page lerobot."""
+    action_source: ActionSource = ActionSource.INTENDED
+    """Which recorded numbers they are made of: what the actor wanted (intended; where it acted in
+    something else, what was sent), what was sent, or what was given, brought to joint targets."""
+    state: tuple[StatePart, ...] = ()
+    """Parts of the state behind joint positions and openings: tool poses (tcp_pose), joint
+    velocities (joint_velocity), or both."""
+    object_state: bool = False
+    """Export where the objects are too, as numbers that no camera sees."""
+
+    def __post_init__(self) -> None:
+        for name, kind in _KINDS.items():
+            check_known(name.replace("_", " "), getattr(self, name), [*map(str, kind)])
+            _set(self, name, kind(getattr(self, name)))
+        state = _words("part of a state", self.state, StatePart)
+        _set(self, "state", tuple(part for part in StatePart if part in state))
+        check_known("action mode of an export", self.action, LABELS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions(ExportForm, ExportImages, EpisodeChoice):
     """Options of an export; the defaults suit the evaluation's environment."""
 
     def __post_init__(self) -> None:
-        ExportForm.__post_init__(self)
         EpisodeChoice.__post_init__(self)
+        ExportImages.__post_init__(self)
+        ExportForm.__post_init__(self)
+        if self.depth and self.format is Format.V21:
+            raise DataError(
+                f"Depth maps need format {Format.V30}; {Format.V21} has none."
+            )
