@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
@@ -14,13 +14,13 @@ from duobench.core.backend import (
     DEPTH,
     RGB,
     SEGMENTATION,
-    AnyCamera,
     CameraGeometry,
+    DuoBackend,
     Wanted,
 )
 from duobench.core.errors import OptionError
 from duobench.core.randomness import EVAL
-from duobench.core.types import SIDES, Array, as_several
+from duobench.core.types import Array, as_several
 from duobench.envs.camera_options import name_of, wanted_images
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import (
@@ -38,7 +38,7 @@ from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import level_for
 from duobench.tasks.shifts.samples import EpisodeKey
 from duobench.tasks.shifts.shift import SENSING, Shift
-from duobench.world.objects.segmentation import CAMERA, MOUNT, gripper_part
+from duobench.world.objects.segmentation import CAMERA, GRIPPERS, MOUNT
 from duobench.world.robot.camera_geometry import named
 from duobench.world.robot.cameras import (
     FARTHEST,
@@ -261,15 +261,16 @@ class Sensing(DuoWrapper):
         super().__init__(env, shift=shift)
         self._level = level_for(shift, SENSING, self.task)
         self._base = sim_of(env)
-        self._wanted = _wanted_by(env)
-        self._own = sorted(
-            {
-                camera.name
-                for sizes in self._wanted.values()
-                for camera in sizes
-                if not isinstance(camera, str)
-            }
-        )
+        try:
+            self._wanted: Wanted = env.get_wrapper_attr("wanted")
+        except AttributeError:  # there are no cameras inside
+            self._wanted = {}
+        self._cameras = {
+            name_of(camera): camera
+            for sizes in self._wanted.values()
+            for camera in sizes
+        }
+        self._own = sorted(self._cameras.keys() - {*POLICY_CAMERAS})
         self._quality = StereoQuality(
             subpixel=levels.DEPTH_SUBPIXEL[self._level],
             farthest=levels.DEPTH_FARTHEST[self._level],
@@ -357,35 +358,29 @@ class Sensing(DuoWrapper):
         return (numbers + noise).astype(numbers.dtype)
 
     def _images(self, observation: Observation) -> dict[str, dict[str, Any]]:
-        """Images of an observation as the cameras show them: late, or with measured depth."""
+        """Images of an observation as its cameras show them: late, and with measured depth."""
         shown = {
             kind: dict(observation[KEYS[kind]])
             for kind in self._wanted
             if KEYS[kind] in observation
         }
-        # What is shiny is told by the parts that a pixel shows.
-        parts: dict[str, Any] = {}
-        now = {
-            camera: size
-            for camera, size in self._wanted.get(DEPTH, {}).items()
-            if DEPTH in shown and not self._ages[name_of(camera)]
-        }
-        if now:
-            backend = self._base.backend
-            parts = dict(backend.images_by_kind({SEGMENTATION: now})[SEGMENTATION])
-        cameras = {camera for kind in shown for camera in self._wanted[kind]}
-        for camera in sorted(cameras, key=name_of):
-            name = name_of(camera)
-            if self._ages[name]:
-                late = self._seen(camera, shown)
-                parts |= late.get(SEGMENTATION, {})
-                for kind, images in shown.items():
-                    if name in images:
-                        images[name] = late[kind][name]
-            if name in shown.get(DEPTH, {}):
+        for name, camera in self._cameras.items() if shown else ():
+            kinds = [kind for kind in shown if name in shown[kind]]
+            if not self._ages[name]:
+                kinds = [kind for kind in kinds if kind == DEPTH]
+            size = next(
+                sizes[camera] for sizes in self._wanted.values() if camera in sizes
+            )
+            # What is shiny is told by the parts that pixels show.
+            more = (SEGMENTATION,) if DEPTH in kinds else ()
+            wanted = {kind: {camera: size} for kind in (*kinds, *more)}
+            images = self._backend_at(self._ages[name]).images_by_kind(wanted)
+            for kind in kinds:
+                shown[kind][name] = images[kind][name]
+            if more:
                 shown[DEPTH][name] = measured_depth(
-                    shown[DEPTH][name],
-                    np.isin(parts[name], self._shiny),
+                    images[DEPTH][name],
+                    np.isin(images[SEGMENTATION][name], self._shiny),
                     named(camera),
                     self._quality,
                     f"{self._seed}".encode()
@@ -397,35 +392,20 @@ class Sensing(DuoWrapper):
     def _shiny(self) -> list[int]:
         """Numbers of the parts that are of bare metal and glass; objects are printed, so matt."""
         ids = self.segmentation_ids
-        return [ids[part] for part in (*map(gripper_part, SIDES), CAMERA, MOUNT)]
+        return [ids[part] for part in (*GRIPPERS.values(), CAMERA, MOUNT)]
 
-    def _seen(
-        self, camera: str | AnyCamera, kinds: Iterable[str]
-    ) -> dict[str, dict[str, Any]]:
-        """Images that a camera took last, with the parts in them where depth is among them."""
+    def _backend_at(self, age: int) -> DuoBackend:
+        """Arms as they were some control steps ago."""
+        if not age:
+            return self._base.backend
         if self._past_backend is None:
             from duobench.world.sim.backend import SimBackend
             from duobench.world.sim.simulation import Simulation
 
             task = self._base.definition
             self._past_backend = SimBackend(Simulation(task.props, task.overview))
-        wanted = {
-            kind: {camera: self._wanted[kind][camera]}
-            for kind in kinds
-            if camera in self._wanted[kind]
-        }
-        if DEPTH in wanted:
-            wanted[SEGMENTATION] = wanted[DEPTH]
         backend = self._past_backend
         backend.set_look(self._base.look)
         backend.simulation.apply(self._base.layout)
-        backend.simulation.set_state(self._past[-1 - self._ages[name_of(camera)]])
-        return backend.images_by_kind(wanted)
-
-
-def _wanted_by(env: gym.Env) -> Wanted:
-    """Images that a wrapper inside adds, if any does."""
-    try:
-        return env.get_wrapper_attr("wanted")
-    except AttributeError:
-        return {}
+        backend.simulation.set_state(self._past[-1 - age])
+        return backend

@@ -1,12 +1,12 @@
 """Depth as a stereo camera measures it: range, noise, and holes where it cannot match."""
 
 import hashlib
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.world.robot.camera_geometry import focal_lengths
+from duobench.world.robot.camera_geometry import matrix_of
 from duobench.world.robot.cameras import (
     FARTHEST,
     NATIVE_WIDTH,
@@ -27,8 +27,7 @@ PATCH = 4
 """Side in pixels of the patches that holes on shiny things are made of."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class StereoQuality:
+class StereoQuality(NamedTuple):
     """Quality of the depth of a stereo camera."""
 
     subpixel: float
@@ -71,7 +70,7 @@ def measured_depth(
     nearest = ZED_NEAREST if is_zed else D405_NEAREST
     farthest = FARTHEST if is_zed else min(quality.farthest, FARTHEST)
     height, width = depth.shape
-    across, _ = focal_lengths(camera, (height, width))
+    across = float(matrix_of(camera, (height, width))[0, 0])
     native = across * NATIVE_WIDTH / width
     digest = hashlib.blake2b(key + camera.name.encode(), digest_size=16).digest()
     rng = np.random.Generator(np.random.PCG64(int.from_bytes(digest, "big")))
