@@ -7,6 +7,7 @@ from typing import Any
 
 from duobench.core.backend import DEPTH, RGB, Wanted
 from duobench.core.errors import DataError, OptionError, check_known
+from duobench.core.lerobot_keys import DEPTH_SUFFIX
 from duobench.core.types import as_several, as_size
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
@@ -20,8 +21,6 @@ from duobench.world.robot.cameras import POLICY_CAMERAS, Camera, check_image_siz
 
 LEAST_SIZE, LEAST_DEPTH_SIZE = 4, 16
 """Pixels along an edge of a video that the encoder of images, and that of depth, takes at least."""
-DEPTH_SUFFIX = "_depth"
-"""Ending of the name of a camera's depth, as LeRobot's robots have it."""
 PER_EPISODE = "random_per_episode"
 """A random look for each episode, another one each; `:SEED` may follow."""
 
@@ -208,10 +207,8 @@ class ExportImages:
     @property
     def seen(self) -> tuple[str | Camera, ...]:
         """Cameras of which there are images or depth: of one's own as they are, others by name."""
-        own = {name_of(camera): camera for camera in self.cameras}
-        return *own.values(), *(
-            name for name in self.depth_of.values() if name not in own
-        )
+        every: Any = (camera for sizes in self.wanted.values() for camera in sizes)
+        return tuple(dict.fromkeys(every))
 
     @property
     def depth_of(self) -> dict[str, str]:
