@@ -342,7 +342,7 @@ def _exporter(
             )
         actions, residual = labels_of(recording, options.action, options.action_source)
         columns = _rows(recording, actions, export, index)
-        counts = no_counts(options)
+        counts = {name: no_counts(is_depth=name in depth_of) for name in options.videos}
         shown = range(options.pairing.offset, options.pairing.offset + len(recording))
         source = None
         if not recording.info.is_real and (options.seen or options.object_state):
