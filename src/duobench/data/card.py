@@ -9,6 +9,7 @@ from duobench.core.errors import DataError, escaped
 from duobench.core.files import make_folder, read_object, write
 from duobench.core.lerobot_keys import (
     CARD,
+    DEPTH_SUFFIX,
     FORMAT,
     IMAGE_PREFIX,
     OBJECT_STATE,
@@ -24,6 +25,7 @@ from duobench.data.summary import summarize
 from duobench.envs import state_labels
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 PICTURES = "pictures"
 """Folder of what a card shows: made of recordings; an export shows the JPEGs that are there."""
@@ -83,6 +85,7 @@ def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
             write(folder / PICTURES / f"{task}.jpg", sheet)
     return {
         "summary": summary,
+        "depths": [],
         "suite": data.read_description().suite_version,
         "parts": {one.task: (one.episodes, one.frames) for one in summary.tasks},
         # The state of each task has a length of its own, and a table has one.
@@ -114,6 +117,7 @@ def _of_exports(folder: Path) -> dict[str, Any]:
     lengths: dict[str, list[int]] = {}
     for one in (episode for each in beside for episode in each["episodes"]):
         lengths.setdefault(Path(one["file"]).parent.name, []).append(one["length"])
+    features = list(dict.fromkeys(key for one in about for key in one["features"]))
     return {
         "summary": None,
         "suite": suites[0],
@@ -125,9 +129,8 @@ def _of_exports(folder: Path) -> dict[str, Any]:
             )
             for place in places
         ],
-        "features": list(
-            dict.fromkeys(key for one in about for key in one["features"])
-        ),
+        "features": features,
+        "depths": [key for key in features if key.endswith(DEPTH_SUFFIX)],
         "version": " and ".join(
             dict.fromkeys(one["codebase_version"] for one in about)
         ),
@@ -149,10 +152,12 @@ def _training(
     seen = [
         key for key in about["features"] if key.startswith((IMAGE_PREFIX, OBJECT_STATE))
     ]
+    known = {OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_CAMERAS)}
     parts = state_labels.find(feature_names(about, STATE) or JOINT_NAMES) or ()
     if (
         about["codebase_version"] != FORMAT
         or not seen
+        or not known.issuperset(seen)
         or not {*parts} <= {*state_labels.SHOWN}
     ):
         return ""

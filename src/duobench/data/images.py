@@ -12,18 +12,23 @@ import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from duobench.core.backend import Image
+from duobench.core.backend import (
+    RGB,
+    CameraGeometry,
+    Image,
+)
 from duobench.core.errors import DataError, DuoBenchError, OptionError
-from duobench.core.types import as_several, as_size
+from duobench.core.types import as_size
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
+from duobench.envs.camera_options import camera_options, wanted_images
 from duobench.envs.config import IMAGE_SIZE
 from duobench.tasks import catalog
 from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
-from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, Camera
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation
@@ -34,12 +39,15 @@ class ImageSource:
 
     Args:
         task: The task, its id, or its import path.
-        cameras: Which cameras to render.
-        size: Height and width of the images in pixels, or one number for a square.
+        cameras: Which cameras to render: names, or a `Camera` of one's own.
+        size: Height and width of the images in pixels, or one number for a square; a camera with a
+            size has its own.
         look: Look of the images, which may differ from that of the recording.
+        depth: Cameras whose depth is rendered too, by name, or True for all.
+        segmentation: The same of what each pixel shows.
 
     Raises:
-        UnknownNameError: There is no such task or look.
+        UnknownNameError: There is no such task, camera or look.
         OptionError: The size is invalid.
     """
 
@@ -47,9 +55,11 @@ class ImageSource:
         self,
         task: str | Task,
         *,
-        cameras: str | Sequence[str] = POLICY_CAMERAS,
+        cameras: str | Camera | Sequence[str | Camera] = POLICY_CAMERAS,
         size: int | tuple[int, int] = IMAGE_SIZE,
         look: str | Look = DEFAULT,
+        depth: bool | str | Sequence[str] = (),
+        segmentation: bool | str | Sequence[str] = (),
     ) -> None:
         definition = catalog.get(task)
         self.object_state: ObjectState = definition.object_state
@@ -57,18 +67,20 @@ class ImageSource:
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
         self.set_look(look)
-        names = as_several(cameras)
-        if names is None:
-            raise OptionError(
-                f"cameras is a name, or a list of names; got {cameras!r}."
-            )
-        self._cameras = names
         pixels = as_size(size)
         if pixels is None:
             raise OptionError(
                 f"size is (height, width) in pixels, or one number for a square; got {size!r}."
             )
-        self._size = pixels
+        given = {"cameras": cameras, "depth": depth, "segmentation": segmentation}
+        seen = {} if isinstance(cameras, Mapping) else camera_options(given)
+        for name, value in given.items():
+            if not isinstance(seen.get(name), tuple):
+                raise OptionError(
+                    f"{name} is a name, or a list of names; got {value!r}."
+                )
+        known = (*POLICY_CAMERAS, OVERVIEW)
+        self._wanted = wanted_images(**seen, size=pixels, sizes={}, known=known)
         self._layout: dict[str, Any] | None = None
 
     def set_look(self, look: str | Look) -> None:
@@ -103,8 +115,24 @@ class ImageSource:
             DataError: The state does not fit the task.
             RenderingError: Nothing can be rendered.
         """
+        return self.images_by_kind(recording, row).get(RGB, {})
+
+    def images_by_kind(
+        self, recording: Recording, row: int
+    ) -> dict[str, dict[str, Any]]:
+        """Images of a row by kind ("rgb", "depth", "segmentation") and camera; see `images`."""
         self.show(recording, row)
-        return self._backend.images(self._cameras, self._size)
+        return self._backend.images_by_kind(self._wanted)
+
+    def geometry(self, recording: Recording, row: int) -> dict[str, CameraGeometry]:
+        """Lens and place of each camera at a row, by name, where the look has them."""
+        self.show(recording, row)
+        sizes = {
+            camera: size
+            for each in self._wanted.values()
+            for camera, size in each.items()
+        }
+        return self._backend.camera_geometry(sizes)
 
     def objects(self, recording: Recording, row: int) -> NDArray[np.float32]:
         """The numbers (n,) of `object_state` at a row, as the environment gave them on request.

@@ -1,15 +1,12 @@
 """Options of an environment, and about one of its resets."""
 
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any, Self
 
 from duobench.core.backend import (
     DEPTH,
-    RGB,
     SEGMENTATION,
-    AnyCamera,
-    Sizes,
     Wanted,
 )
 from duobench.core.errors import (
@@ -20,9 +17,14 @@ from duobench.core.errors import (
     escaped,
 )
 from duobench.core.randomness import EVAL, SPLITS
-from duobench.core.settings import decode
-from duobench.core.types import as_count, as_several, as_size, as_whole
+from duobench.core.types import as_count, as_flag, as_size, as_whole
 from duobench.envs import action_modes
+from duobench.envs.camera_options import (
+    CAMERA_OPTIONS,
+    camera_options,
+    name_of,
+    wanted_images,
+)
 from duobench.envs.rewards import REWARDS, STAGE
 from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from duobench.world.looks.catalog import DEFAULT, as_look
@@ -180,103 +182,12 @@ class EnvConfig:
                 raise UnknownOptionError(f"Unknown {what} {name!r}. {ELSEWHERE[name]}")
             if name not in known:
                 raise UnknownOptionError(what, name, known)
-        values = dict(options)
+        values = {
+            name: value for name, value in options.items() if name not in CAMERA_OPTIONS
+        }
         for name in _FORMS.keys() & values.keys():
             values[name] = _FORMS[name](values[name])
-        if isinstance(values.get("cameras"), Mapping):
-            given = values["cameras"]
-            values["cameras"], by_name = _with_sizes(given)
-            values["image_sizes"] = {**values.get("image_sizes", {}), **by_name}
-        for name in (DEPTH, SEGMENTATION):
-            if _flag(values.get(name)) is True:
-                cameras = as_several(values.get("cameras", POLICY_CAMERAS)) or ()
-                values[name] = tuple(map(name_of, cameras)) or POLICY_CAMERAS
-        return cls(**values)
-
-
-def name_of(camera: Any) -> Any:
-    """Name of a camera of one's own, or of the robot's, which is given by it."""
-    return camera.name if isinstance(camera, Camera) else camera
-
-
-def wanted_images(
-    cameras: Sequence[str | Camera],
-    depth: Sequence[str],
-    segmentation: Sequence[str],
-    size: tuple[int, int],
-    sizes: Mapping[str, tuple[int, int]],
-) -> dict[str, Sizes]:
-    """Images of an observation by their kind, with their sizes.
-
-    Raises:
-        UnknownNameError: There is no such camera.
-        OptionError: Two cameras have one name.
-    """
-    own = {camera.name: camera for camera in cameras if isinstance(camera, Camera)}
-    if len(own) < sum(isinstance(camera, Camera) for camera in cameras):
-        names = [name_of(camera) for camera in cameras]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise OptionError(
-            f"Two cameras are called {twice!r}; each has a name of its own, such as "
-            f"'{twice}_2'."
-        )
-    known = (*POLICY_CAMERAS, *own)
-    for name in sizes:
-        check_known("camera", name, known)
-    wanted: dict[str, Sizes] = {}
-    for kind, given in ((RGB, cameras), (DEPTH, depth), (SEGMENTATION, segmentation)):
-        by_camera: dict[str | AnyCamera, tuple[int, int]] = {}
-        for name in map(name_of, given):
-            check_known("camera", name, known)
-            camera = own.get(name)
-            usual = size if camera is None or camera.size is None else camera.size
-            by_camera[camera or name] = sizes.get(name, usual)
-        if by_camera:
-            wanted[kind] = by_camera
-    return wanted
-
-
-def _cameras(value: Any) -> Any:
-    if isinstance(value, bool):
-        return POLICY_CAMERAS if value else ()
-    if isinstance(value, Camera):
-        return (value,)
-    several = as_several(value)
-    if several is None:
-        return value
-    return tuple(
-        decode(dict(each), Camera, "camera") if isinstance(each, Mapping) else each
-        for each in several
-    )
-
-
-def _names(value: Any) -> Any:
-    if _flag(value) is False:
-        return ()
-    if isinstance(value, Camera):  # in a tuple, it is rejected by what it is
-        return (value,)
-    return value if (names := as_several(value)) is None else names
-
-
-def _sizes(value: Any) -> Any:
-    if not isinstance(value, Mapping):
-        return value
-    return {name: _size(size) for name, size in value.items()}
-
-
-def _with_sizes(
-    given: Mapping[Any, Any],
-) -> tuple[tuple[str | Camera, ...], dict[str, Any]]:
-    """Cameras, and the sizes of those of the robot, of sizes by camera."""
-    cameras = tuple(
-        replace(camera, size=size) if isinstance(camera, Camera) and size else camera
-        for camera, size in given.items()
-    )
-    return cameras, {
-        name: _size(size)
-        for name, size in given.items()
-        if size is not None and not isinstance(name, Camera)
-    }
+        return cls(**values, **camera_options(options))
 
 
 def _size(value: Any) -> Any:
@@ -285,10 +196,6 @@ def _size(value: Any) -> Any:
 
 def _number(value: Any) -> Any:
     return value if (number := as_whole(value)) is None else number
-
-
-def _flag(value: Any) -> Any:
-    return bool(value) if isinstance(value, Hashable) and value in (0, 1) else value
 
 
 def _look(value: Any) -> Any:
@@ -307,13 +214,9 @@ def _shift(value: Any) -> Any:
 
 _FLAGS = ("object_state", "flat_obs", "binary_gripper")
 _FORMS: Mapping[str, Callable[[Any], Any]] = {
-    "cameras": _cameras,
     "image_size": _size,
-    "image_sizes": _sizes,
-    DEPTH: _names,
-    SEGMENTATION: _names,
     "render_size": _size,
-    **dict.fromkeys(_FLAGS, _flag),
+    **dict.fromkeys(_FLAGS, as_flag),
     "chunk": _number,
     "horizon": _number,
     "look": _look,

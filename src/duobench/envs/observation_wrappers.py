@@ -21,7 +21,8 @@ from duobench.core.backend import (
 from duobench.core.errors import OptionError
 from duobench.core.randomness import EVAL
 from duobench.core.types import Array, as_several
-from duobench.envs.config import IMAGE_SIZE, name_of, wanted_images
+from duobench.envs.camera_options import name_of, wanted_images
+from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import (
     DuoWrapper,
     Observation,
