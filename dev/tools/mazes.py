@@ -104,7 +104,7 @@ class Together:
             ]
             yield (
                 ends,
-                np.ravel_multi_index(ends, self._sizes),
+                np.asarray(np.ravel_multi_index(ends, self._sizes)),
                 price(np.max(runs, axis=0)),
             )
 
