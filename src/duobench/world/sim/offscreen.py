@@ -116,7 +116,7 @@ class OffscreenRenderer:
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
         self._pixels = np.empty((height, width, 3), dtype=np.uint8)
-        self._offsets = _offsets(samples)
+        self._offsets = lens_offsets(samples)
         self._appearance: Appearance | None = None
 
     def make_current(self) -> None:
@@ -175,7 +175,7 @@ class OffscreenRenderer:
         for pixel_x, pixel_y, light_u, light_v in self._offsets:
             self._update(data, camera)
             for lens in self._scene.camera:
-                _shift_lens(lens, self._pixels.shape, pixel_x, pixel_y)
+                shift_lens(lens, self._pixels.shape, pixel_x, pixel_y)
             for light in self._scene.lights:
                 if light.castshadow:
                     _shift_light(light, radius, light_u, light_v)
@@ -223,7 +223,7 @@ class OffscreenRenderer:
         self._mujoco_context.shadowFBO, self._mujoco_context.shadowSize = self._shadows
 
 
-def _offsets(samples: int) -> NDArray[np.float64]:
+def lens_offsets(samples: int) -> NDArray[np.float64]:
     """Offsets (samples, 4) of pixel x and y and light u and v, in [-1/2, 1/2) and evenly spread.
 
     The additive recurrence with powers of the inverse of the root of x^5 = x + 1 fills four
@@ -234,7 +234,7 @@ def _offsets(samples: int) -> NDArray[np.float64]:
     return (0.5 + np.arange(samples)[:, None] * steps) % 1.0 - 0.5
 
 
-def _shift_lens(
+def shift_lens(
     lens: mujoco.MjvGLCamera, shape: tuple[int, ...], x: float, y: float
 ) -> None:
     """Look by parts of a pixel further to the right and up."""

@@ -1,7 +1,7 @@
 """Images of a simulation, rendered offscreen.
 
-The first image starts a process that renders; OpenGL is never loaded into this one. An image shows
-the whole field of view of its camera at every size, so a square image is the native one
+The first image starts a process that renders; OpenGL is never loaded into this one. Looks of the
+studio have another one, whose renderer gives colours only. An image shows the whole field of view of its camera at every size, so a square image is the native one
 squeezed to a square.
 """
 
@@ -15,19 +15,35 @@ from numpy.typing import NDArray
 
 from duobench.core.backend import Image
 from duobench.core.errors import RenderingError, check_known
-from duobench.world.looks.look import Look
+from duobench.world.looks.look import STUDIO, Look
 from duobench.world.robot.cameras import check_image_size
 from duobench.world.sim.appearance import Appearance
-from duobench.world.sim.opengl import RenderingInfo, choose
+from duobench.world.sim.opengl import VULKAN, RenderingInfo, choose
 from duobench.world.sim.rendering_process import Pictured, RenderingProcess, current
 
 MAX_SAMPLES = 64
 """Most images that are averaged into one."""
 
 
-def describe() -> RenderingInfo:
-    """Say what renders images for this process; starts what renders, to find out."""
-    return current(choose()).info
+def describe(look: Look | None = None) -> RenderingInfo:
+    """Say what renders images of a look for this process; starts it, to find out."""
+    return current(_backend(look or Look())).info
+
+
+def _backend(look: Look) -> str:
+    """Library that renders a look."""
+    return VULKAN if look.renderer == STUDIO else choose()
+
+
+class _Served:
+    """Counterpart of a renderer in a process that renders."""
+
+    def __init__(self) -> None:
+        self.process: RenderingProcess | None = None
+        self.key = 0
+        self.shown: list[Any] = [None, None]
+        """Last told to the process: what the model shows, and the look."""
+        self.free: weakref.finalize[Any, Any] | None = None
 
 
 class Renderer:
@@ -65,11 +81,8 @@ class Renderer:
         self._shape = height, width, samples
         self._pictured = Pictured(model)
         self._closed = False
-        self._process: RenderingProcess | None = None
-        self._key = 0
-        self._shown: list[Any] = [None, None]
-        """Last told to the process: what the model shows, and the look."""
-        self._free: weakref.finalize[Any, Any] | None = None
+        self._served = {False: _Served(), True: _Served()}
+        """By whether Vulkan renders."""
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())
 
@@ -105,14 +118,15 @@ class Renderer:
     @property
     def info(self) -> RenderingInfo:
         """Renderer of the images."""
-        return self._opened().info
+        return self._opened(_backend(self._look))[0].info
 
     def close(self) -> None:
         """Free the renderer; closing twice is harmless."""
         self._closed = True
-        self._process = None
-        if self._free is not None:
-            self._free()
+        for served in self._served.values():
+            served.process = None
+            if served.free is not None:
+                served.free()
 
     def __enter__(self) -> Self:
         return self
@@ -131,31 +145,33 @@ class Renderer:
         cameras: Any,
     ) -> Any:
         """Have the process do something with a state, of the model and in the look as they are."""
-        process = self._opened()
+        backend = _backend(self._look) if what == "render" else choose()
+        process, served = self._opened(backend)
         model = self._pictured.of_model()
-        if model != self._shown[0]:
-            process.ask("set_model", self._key, *model)
-            self._shown[0] = model
-        if self._appearance is not self._shown[1]:
-            process.ask("set_appearance", self._key, self._appearance)
-            self._shown[1] = self._appearance
-        return process.ask(what, self._key, *self._pictured.of_data(data), cameras)
+        if model != served.shown[0]:
+            process.ask("set_model", served.key, *model)
+            served.shown[0] = model
+        if self._appearance is not served.shown[1]:
+            process.ask("set_appearance", served.key, self._appearance)
+            served.shown[1] = self._appearance
+        return process.ask(what, served.key, *self._pictured.of_data(data), cameras)
 
-    def _opened(self) -> RenderingProcess:
-        """The process of this renderer, which is made there if it is not there yet, or no more."""
+    def _opened(self, backend: str) -> tuple[RenderingProcess, _Served]:
+        """The process that renders with a backend, in which this renderer is made if need be."""
         if self._closed:
             raise RenderingError("This renderer was closed; make a new one.")
-        if self._process is not None and self._process is current():
-            return self._process
-        process = current(choose())
+        served = self._served[backend == VULKAN]
+        process = current(backend)
+        if served.process is process:
+            return process, served
         packed = np.empty(mujoco.mj_sizeModel(self._model), dtype=np.uint8)
         mujoco.mj_saveModel(self._model, None, packed)
-        self._shown = [self._pictured.of_model(), None]
-        self._key = process.new_number()
-        process.ask("open", self._key, packed.tobytes(), *self._shape)
-        if self._free is not None:
-            self._free.detach()
-        self._free = weakref.finalize(self, process.free, self._key)
-        self._free.atexit = False
-        self._process = process
-        return process
+        served.shown = [self._pictured.of_model(), None]
+        served.key = process.new_number()
+        process.ask("open", served.key, packed.tobytes(), *self._shape)
+        if served.free is not None:
+            served.free.detach()
+        served.free = weakref.finalize(self, process.free, served.key)
+        served.free.atexit = False
+        served.process = process
+        return process, served
