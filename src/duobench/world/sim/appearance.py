@@ -22,6 +22,7 @@ from duobench.world.looks.colours import RGB, shifted
 from duobench.world.looks.look import (
     EVERY_OBJECT,
     PARTS,
+    STUDIO,
     CameraOffset,
     Light,
     Look,
@@ -57,6 +58,8 @@ _SURFACES = {
 }
 """Height and width in metres of the texture on each part of the workcell, and texels along both;
 3 mm on the table."""
+_FINENESS = {STUDIO: 2}
+"""Factor on the texels along a texture, by the renderer."""
 _WHITE = (1.0, 1.0, 1.0)
 _METAL_GREYS = (0.5, 0.8)
 _GREY = 0.05
@@ -156,9 +159,11 @@ def _part_texture(
     material: Material,
     part: str,
     seed: int,
+    fineness: int,
 ) -> Texture:
     """The texture of a part of the workcell, with the brightness that floor and walls have."""
     size, count = _SURFACES[part]
+    count *= fineness
     texels = _texture(material, count, size, seed)
     if part == "walls":
         texels, light = (
@@ -267,7 +272,7 @@ class Appearance:
             return None
         seed = self.look.seed
         texels = (
-            _part_texture(material, part, seed)
+            _part_texture(material, part, seed, _FINENESS.get(self.look.renderer, 1))
             if part
             else _object_texture(material, seed)
         )

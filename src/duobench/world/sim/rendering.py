@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from duobench.core.backend import Image
 from duobench.core.errors import RenderingError, check_known
-from duobench.world.looks.look import STUDIO, Look
+from duobench.world.looks.look import CLASSIC, STUDIO, Look
 from duobench.world.robot.cameras import check_image_size
 from duobench.world.sim.appearance import Appearance
 from duobench.world.sim.opengl import VULKAN, RenderingInfo, choose
@@ -25,14 +25,9 @@ MAX_SAMPLES = 64
 """Most images that are averaged into one."""
 
 
-def describe(look: Look | None = None) -> RenderingInfo:
-    """Say what renders images of a look for this process; starts it, to find out."""
-    return current(_backend(look or Look())).info
-
-
-def _backend(look: Look) -> str:
-    """Library that renders a look."""
-    return VULKAN if look.renderer == STUDIO else choose()
+def describe(renderer: str = CLASSIC) -> RenderingInfo:
+    """Say what renders images for this process; starts what renders, to find out."""
+    return current(VULKAN if renderer == STUDIO else choose()).info
 
 
 class _Served:
@@ -81,8 +76,8 @@ class Renderer:
         self._shape = height, width, samples
         self._pictured = Pictured(model)
         self._closed = False
-        self._served = {False: _Served(), True: _Served()}
-        """By whether Vulkan renders."""
+        self._served = {CLASSIC: _Served(), STUDIO: _Served()}
+        """By the name of the renderer."""
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())
 
@@ -118,7 +113,7 @@ class Renderer:
     @property
     def info(self) -> RenderingInfo:
         """Renderer of the images."""
-        return self._opened(_backend(self._look))[0].info
+        return self._opened(self._look.renderer)[0].info
 
     def close(self) -> None:
         """Free the renderer; closing twice is harmless."""
@@ -145,8 +140,8 @@ class Renderer:
         cameras: Any,
     ) -> Any:
         """Have the process do something with a state, of the model and in the look as they are."""
-        backend = _backend(self._look) if what == "render" else choose()
-        process, served = self._opened(backend)
+        renderer = self._look.renderer if what == "render" else CLASSIC
+        process, served = self._opened(renderer)
         model = self._pictured.of_model()
         if model != served.shown[0]:
             process.ask("set_model", served.key, *model)
@@ -156,14 +151,15 @@ class Renderer:
             served.shown[1] = self._appearance
         return process.ask(what, served.key, *self._pictured.of_data(data), cameras)
 
-    def _opened(self, backend: str) -> tuple[RenderingProcess, _Served]:
-        """The process that renders with a backend, in which this renderer is made if need be."""
+    def _opened(self, renderer: str) -> tuple[RenderingProcess, _Served]:
+        """The process of a renderer, and this one's counterpart there, made if it is missing."""
         if self._closed:
             raise RenderingError("This renderer was closed; make a new one.")
-        served = self._served[backend == VULKAN]
-        process = current(backend)
-        if served.process is process:
-            return process, served
+        served = self._served[renderer]
+        vulkan = VULKAN if renderer == STUDIO else None
+        if served.process is not None and served.process is current(vulkan):
+            return served.process, served
+        process = current(vulkan or choose())
         packed = np.empty(mujoco.mj_sizeModel(self._model), dtype=np.uint8)
         mujoco.mj_saveModel(self._model, None, packed)
         served.shown = [self._pictured.of_model(), None]

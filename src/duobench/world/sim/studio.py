@@ -35,7 +35,7 @@ MSAA = 4
 """Samples of each pixel's edges in one image."""
 KEY = Light(position=(0.95, 1.05, 2.70), colour=(0.45, 0.44, 0.42), shadow=True)
 """The light of a look that has none of its own."""
-KEY_LUX, AROUND_LUX = 46_000.0, 15_000.0
+KEY_LUX, AROUND_LUX = 48_000.0, 24_000.0
 """Light of the key at the brightness of `KEY`, and from all around."""
 KEY_METRES = 0.14
 """Radius of the key, for its shadows' edges."""
@@ -79,7 +79,7 @@ _FINISHES = {
 }
 _PLASTIC = Finish(0.04, 0.52)
 """Finish of all else."""
-_METAL_BODY = 0.45
+_METAL_BODY = 0.6
 """Share of a metal's colour that it scatters; the rest it mirrors."""
 
 
@@ -88,9 +88,12 @@ class _Device(NamedTuple):
     name: str
 
 
-@cache
-def device() -> _Device:
-    """The context of this process, and the name of what renders; a failure ends the process."""
+def _open_device() -> _Device:
+    """A context, and the name of what renders; a failure ends the process.
+
+    Each renderer has its own: a context frees the materials that its last image did not show, though
+    another scene has them.
+    """
     import_module("mujoco.studio.window")  # registers the materials
     sys.stdout.flush()
     with tempfile.TemporaryFile() as log:
@@ -108,9 +111,10 @@ def device() -> _Device:
     return _Device(context, found[1] if found else "unknown")
 
 
+@cache
 def studio_info() -> RenderingInfo:
     """Renderer of the images of this process."""
-    name = device().name
+    name = _open_device().name
     return RenderingInfo(
         backend=VULKAN,
         renderer=name,
@@ -127,7 +131,7 @@ class StudioRenderer:
         self, model: mujoco.MjModel, height: int, width: int, samples: int
     ) -> None:
         self._model = model
-        self._context = device().context
+        self._context = _open_device().context
         self._scene = self._context.create_scene(mjrf.SceneParams())
         self._scene.configure_from_model(mujoco.MjModel.from_xml_string(_SETTINGS))
         self._scene.set_msaa(MSAA)
@@ -217,11 +221,11 @@ class StudioRenderer:
         self._materials.clear()
         for name in ("_request", "_read", "_target", "_furniture", "_planes", "_geoms"):
             delattr(self, name)
-        for name in ("_lights", "_around", "_sky", "_textures", "_scene"):
+        for name in ("_lights", "_around", "_sky", "_textures", "_scene", "_context"):
             delattr(self, name)
 
     def make_current(self) -> None:
-        """Nothing: every scene of this process has the same context."""
+        """Nothing: a context is named in every call."""
 
     def _image(self, data: mujoco.MjData, camera: int) -> Image:
         """The light that reaches a camera, through the tone curve."""
