@@ -41,6 +41,7 @@ from duobench.results.journal import EpisodeTimes
 from duobench.results.records import NOT_REPEATABLE, FirstAnswer, Record
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
+from duobench.world.looks.catalog import as_look
 from duobench.world.sim.rendering import describe
 
 _log = logging.getLogger(__name__)
@@ -86,6 +87,8 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     limits: TimeLimits = TimeLimits()
     videos: int = 0
     """Number of episodes of each task, from the first on, with a video."""
+    video_look: str | None = None
+    """Look of the table in videos; None is that of the suite."""
     recording: RecordingPlan | None = None
 
 
@@ -159,11 +162,12 @@ class _TaskSetup:
         env: gym.Env,
         policy: Policy,
         recorder: Recorder | None,
+        video_look: str | None,
     ) -> None:
         self.env = env
         self.policy = policy
         self.recorder = recorder
-        self.overview = Overview(env)
+        self.overview = Overview(env, video_look)
 
     def close(self) -> None:
         self.overview.close()
@@ -207,6 +211,7 @@ class EpisodeRunner:
         act_s = math.inf if source.waits_for_others else job.limits.act_timeout
         self._limits = replace(job.limits, act_timeout=act_s)
         self._recording = job.recording
+        self._video_look = job.video_look
         self._clock = clock or EpisodeClock()
         self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
@@ -219,7 +224,8 @@ class EpisodeRunner:
             look=job.suite.look,
         )
         with before_policy(""):
-            renderer = describe().renderer if config.cameras else None
+            shown_by = as_look(config.look).renderer
+            renderer = describe(shown_by).renderer if config.cameras else None
         choice = job.policy
         candidate = Candidate(
             policy=choice.name,
@@ -365,8 +371,8 @@ class EpisodeRunner:
             env.close()
             raise
         if plan is None:
-            return _TaskSetup(env, policy, None)
+            return _TaskSetup(env, policy, None, self._video_look)
         recorder = Recorder(
             env, None, self._actor, after_success=plan.after_success, keep=plan.keeps
         )
-        return _TaskSetup(recorder, policy, recorder)
+        return _TaskSetup(recorder, policy, recorder, self._video_look)

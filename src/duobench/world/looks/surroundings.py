@@ -81,7 +81,9 @@ def _radiance(directions: Vectors, roughness: float) -> Vectors:
     soft = 0.12 + 0.5 * roughness
     above = np.clip(0.5 + (up - 0.45) / (2 * soft), 0, 1)
     below = np.clip(0.5 - (up + 0.30) / (2 * soft), 0, 1)
-    walls, ceiling, floor = (np.array(c, np.float32) for c in (_WALLS, _CEILING, _FLOOR))
+    walls, ceiling, floor = (
+        np.array(c, np.float32) for c in (_WALLS, _CEILING, _FLOOR)
+    )
     light = walls + above * (ceiling - walls) + below * (floor - walls)
     mirror = 2.0 / max(roughness, 0.02) ** 4
     width = 1 / (1 / _SHARP + 1 / mirror)
@@ -123,4 +125,4 @@ def _packed(colours: Vectors) -> NDArray[np.uint32]:
     """Colours as three floats without a sign, of 11, 11 and 10 bits."""
     bits = colours.astype(np.float16).view(np.uint16).astype(np.uint32)
     red, green, blue = bits[..., 0] >> 4, bits[..., 1] >> 4, bits[..., 2] >> 5
-    return red | green << 11 | blue << 22
+    return (red | green << 11 | blue << 22).astype(np.uint32)

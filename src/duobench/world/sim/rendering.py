@@ -1,8 +1,8 @@
 """Images of a simulation, rendered offscreen.
 
 The first image starts a process that renders; OpenGL is never loaded into this one. Looks of the
-studio have another one, whose renderer gives colours only. An image shows the whole field of view of its camera at every size, so a square image is the native one
-squeezed to a square.
+studio have another process, whose renderer gives colours only. An image shows the whole field of
+view of its camera at every size, so a square image is the native one squeezed to a square.
 """
 
 import weakref
@@ -26,11 +26,11 @@ MAX_SAMPLES = 64
 
 
 def describe(renderer: str = CLASSIC) -> RenderingInfo:
-    """Say what renders images for this process; starts what renders, to find out."""
+    """Say what renders a look's images for this process; starts what renders, to find out."""
     return current(VULKAN if renderer == STUDIO else choose()).info
 
 
-class _Served:
+class _Counterpart:
     """Counterpart of a renderer in a process that renders."""
 
     def __init__(self) -> None:
@@ -76,7 +76,7 @@ class Renderer:
         self._shape = height, width, samples
         self._pictured = Pictured(model)
         self._closed = False
-        self._served = {CLASSIC: _Served(), STUDIO: _Served()}
+        self._served = {CLASSIC: _Counterpart(), STUDIO: _Counterpart()}
         """By the name of the renderer."""
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())
@@ -151,7 +151,7 @@ class Renderer:
             served.shown[1] = self._appearance
         return process.ask(what, served.key, *self._pictured.of_data(data), cameras)
 
-    def _opened(self, renderer: str) -> tuple[RenderingProcess, _Served]:
+    def _opened(self, renderer: str) -> tuple[RenderingProcess, _Counterpart]:
         """The process of a renderer, and this one's counterpart there, made if it is missing."""
         if self._closed:
             raise RenderingError("This renderer was closed; make a new one.")

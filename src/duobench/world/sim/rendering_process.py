@@ -187,7 +187,9 @@ class RenderingProcess:
         code += "from duobench.world.sim.rendering_process import serve; "
         code += f"serve({backend!r}, {os.getpid()})"
         self.backend = backend
-        self._errors = tempfile.TemporaryFile() if backend == VULKAN else None
+        self._errors: IO[bytes] | None = None
+        if backend == VULKAN:
+            self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
         self._lock = threading.Lock()
         self._freed: deque[int] = deque()
         self._last = 0

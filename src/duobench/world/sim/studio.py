@@ -1,9 +1,9 @@
-"""Images by MuJoCo's physically based renderer, Filament, in the process that renders for a `Renderer`.
+"""Images by MuJoCo's physically based renderer, Filament, in the process that renders with it.
 
 A look's materials, furniture, lights and cameras are put into its scene; the light from all around
-is made by `looks.surroundings`. What it does to an image at the end (tone mapping with a dither that
-counts frames) would make an image depend on those before it. So it gives the light as it is, in
-eight bits, once for what is dark and once for what is bright, and the tone curve is ours.
+is made by `looks.surroundings`. Its own tone mapping would make an image depend on those before it,
+by a dither that counts them. So it gives the light as it is, in eight bits, once for what is dark
+and once for what is bright, and the tone curve is ours.
 """
 
 import os
@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from mujoco import mjrf
 from numpy.typing import NDArray
 
 from duobench.core.backend import Image
@@ -31,9 +30,10 @@ from duobench.world.sim.appearance import Appearance, Texture, parts_of
 from duobench.world.sim.offscreen import VISIBLE_GROUPS, lens_offsets, shift_lens
 from duobench.world.sim.opengl import VULKAN, RenderingInfo
 
+mjrf: Any = import_module("mujoco.mjrf")
 _FINER = 2
-"""Factor on height and width of what is rendered: edges are smooth in every image. The renderer's own
-antialiasing has no effect on what it does not show in a window."""
+"""Factor on height and width of what is rendered, so that edges are smooth: the renderer's own
+antialiasing has no effect outside a window."""
 KEY = Light(position=(0.95, 1.05, 2.70), colour=(0.45, 0.44, 0.42), shadow=True)
 """The light of a look that has none of its own."""
 KEY_LUX, AROUND_LUX = 48_000.0, 24_000.0
@@ -49,8 +49,8 @@ _SETTINGS = """<mujoco><custom>
 </custom></mujoco>"""
 """Settings of a scene, in which the kind of shadows is to be filled in."""
 _SHARP, _SOFT = "pcf", "pcss"
-"""Shadows of one sample, and those whose edges are softer the further they fall: four times as slow,
-and for people."""
+"""Shadows for policies, and for people, whose edges are softer the further they fall: those take
+four times as long."""
 _DARK, _BRIGHT = 0.40, 1.60
 """Light that fills eight bits, of the image for what is dark and of that for what is bright."""
 _FULL = 250
@@ -59,6 +59,8 @@ _SAMPLES = 8
 """Samples of the classic renderer that one image here is worth."""
 _SHOULDER = 0.60
 """Light from which on the tone curve bends, so that nothing burns out."""
+_SLOPE, _STRAIGHT, _OFFSET = 12.92, 0.0031308, 0.055
+"""Numbers of an image rise with this slope up to this light, and then along a curve [sRGB]."""
 _DEVICE = re.compile(r"Selected physical device '(.*?)'")
 _TRANSPARENT = 0.98
 """Opacity from which on a geom is opaque."""
@@ -97,8 +99,8 @@ class _Device(NamedTuple):
 def _open_device() -> _Device:
     """A context, and the name of what renders; a failure ends the process.
 
-    Each renderer has its own: a context frees the materials that its last image did not show, though
-    another scene has them.
+    Each renderer has its own: a context frees the materials that its last image did not show,
+    though another scene has them.
     """
     import_module("mujoco.studio.window")  # registers the materials
     sys.stdout.flush()
@@ -123,8 +125,8 @@ def studio_info() -> RenderingInfo:
     name = _open_device().name
     return RenderingInfo(
         backend=VULKAN,
-        renderer=name,
-        vendor="MuJoCo Filament",
+        renderer=f"Filament on {name}",
+        vendor="MuJoCo",
         version=mujoco.__version__,
         software=is_software_renderer(name),
     )
@@ -148,9 +150,7 @@ class StudioRenderer:
         option.sitegroup[:] = 0
         self._geoms.set_options(option)
         self._part_of = {
-            geom: part
-            for part, geoms in parts_of(model).items()
-            for geom in geoms
+            geom: part for part, geoms in parts_of(model).items() for geom in geoms
         }
         self._planes = {
             geom: self._plane(geom)
@@ -163,9 +163,7 @@ class StudioRenderer:
         self._lights: list[tuple[Any, float]] = []
         self._ambient = AROUND_LUX
         self._target = self._context.create_render_target(
-            mjrf.RenderTargetConfig(
-                color_format=mjrf.PixelFormat.PIXEL_FORMAT_RGB8
-            )
+            mjrf.RenderTargetConfig(color_format=mjrf.PixelFormat.PIXEL_FORMAT_RGB8)
         )
         height *= _FINER
         width *= _FINER
@@ -199,9 +197,7 @@ class StudioRenderer:
         self._ambient = AROUND_LUX * (1.0 if share is None else share)
         for piece in self._furniture:
             self._scene.remove_renderable(piece)
-        self._furniture = [
-            self._piece(*piece) for piece in self._appearance.pieces
-        ]
+        self._furniture = [self._piece(*piece) for piece in self._appearance.pieces]
 
     def render(
         self, data: mujoco.MjData, cameras: Mapping[str, int]
@@ -266,7 +262,7 @@ class StudioRenderer:
         return self._geoms.get_renderable(mujoco.mjtObj.mjOBJ_GEOM, geom, -1)
 
     def _plane(self, geom: int) -> Any:
-        """A plane that casts no shadow, in the place of the model's: or the walls kept light out."""
+        """A plane in the place of the model's, which casts no shadow: walls keep no light out."""
         self._scene.remove_renderable(self._geom(geom))
         size = *self._model.geom_size[geom][:2].tolist(), 1.0
         receives = self._model.geom(geom).name == FLOOR
@@ -380,7 +376,9 @@ class StudioRenderer:
         body = _METAL_BODY if part == "metal" else 1.0
         opacity = 1.0 if opacity > _TRANSPARENT else opacity
         material = mjrf.Material(
-            color=np.array([red * body, green * body, blue * body, opacity], np.float32),
+            color=np.array(
+                [red * body, green * body, blue * body, opacity], np.float32
+            ),
             specular=finish.mirror,
             glossiness=finish.gloss,
         )
@@ -415,8 +413,9 @@ def _camera(lens: mujoco.MjvGLCamera) -> Any:
 
 def _linear(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
     """Light of the numbers of an image, both 0 to 1 [sRGB]."""
+    straight = numbers / _SLOPE
     return np.where(
-        numbers <= 0.04045, numbers / 12.92, ((numbers + 0.055) / 1.055) ** 2.4  # noqa: PLR2004
+        straight <= _STRAIGHT, straight, ((numbers + _OFFSET) / (1 + _OFFSET)) ** 2.4
     )
 
 
@@ -425,7 +424,6 @@ def _developed(light: NDArray[np.float32]) -> Image:
     rest = 1 - _SHOULDER
     bent = 1 - rest * np.exp(-(light - _SHOULDER) / rest)
     light = np.where(light > _SHOULDER, bent, light)
-    numbers = np.where(
-        light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055  # noqa: PLR2004
-    )
+    curved = (1 + _OFFSET) * light ** (1 / 2.4) - _OFFSET
+    numbers = np.where(light <= _STRAIGHT, _SLOPE * light, curved)
     return np.rint(255 * numbers).astype(np.uint8)
