@@ -76,7 +76,7 @@ class Renderer:
         self._shape = height, width, samples
         self._pictured = Pictured(model)
         self._closed = False
-        self._served = {CLASSIC: _Counterpart(), STUDIO: _Counterpart()}
+        self._counterparts = {CLASSIC: _Counterpart(), STUDIO: _Counterpart()}
         """By the name of the renderer."""
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())
@@ -118,7 +118,7 @@ class Renderer:
     def close(self) -> None:
         """Free the renderer; closing twice is harmless."""
         self._closed = True
-        for served in self._served.values():
+        for served in self._counterparts.values():
             served.process = None
             if served.free is not None:
                 served.free()
@@ -155,7 +155,7 @@ class Renderer:
         """The process of a renderer, and this one's counterpart there, made if it is missing."""
         if self._closed:
             raise RenderingError("This renderer was closed; make a new one.")
-        served = self._served[renderer]
+        served = self._counterparts[renderer]
         vulkan = VULKAN if renderer == STUDIO else None
         if served.process is not None and served.process is current(vulkan):
             return served.process, served

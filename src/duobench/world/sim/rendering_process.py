@@ -25,7 +25,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from importlib import import_module
 from operator import attrgetter
-from typing import IO, Any, Protocol
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -187,9 +187,8 @@ class RenderingProcess:
         code += "from duobench.world.sim.rendering_process import serve; "
         code += f"serve({backend!r}, {os.getpid()})"
         self.backend = backend
-        self._errors: IO[bytes] | None = None
-        if backend == VULKAN:
-            self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
+        self._is_new = True
         self._lock = threading.Lock()
         self._freed: deque[int] = deque()
         self._last = 0
@@ -206,7 +205,7 @@ class RenderingProcess:
                     env=child_environment(backend),
                     stdin=theirs.fileno(),
                     stdout=subprocess.DEVNULL,
-                    stderr=self._errors,
+                    stderr=self._errors if backend == VULKAN else None,
                 )
         except (
             OSError,
@@ -217,6 +216,7 @@ class RenderingProcess:
             ) from error
         try:
             self.info: RenderingInfo = self.ask("info")
+            self._is_new = False
         except BaseException:
             self.end()
             raise
@@ -254,11 +254,11 @@ class RenderingProcess:
                     f"fewer processes, or {_ADVICE[self.backend == VULKAN]}."
                 ) from None
             except (OSError, EOFError):
-                if self._errors is not None:
-                    raise self._without_vulkan(self._errors) from None
+                if self.backend == VULKAN and self._is_new:
+                    raise self._without_vulkan() from None
                 raise RenderingError(
                     f"The process that renders {self._end_in_words()}. The next image comes from a "
-                    f"new one. If that ends too, try {ASKED}=osmesa, which needs no graphics card."
+                    f"new one. If that ends too, render {_ADVICE[self.backend == VULKAN]}."
                 ) from None
             except BaseException:
                 self.end()
@@ -280,12 +280,13 @@ class RenderingProcess:
         with suppress(subprocess.TimeoutExpired):  # a driver may keep it from dying
             self._process.wait(1.0)
         self._channel.close()
+        self._errors.close()
 
-    def _without_vulkan(self, errors: IO[bytes]) -> RenderingError:
+    def _without_vulkan(self) -> RenderingError:
         """Error of a process in which Vulkan failed, by what it wrote before it ended."""
+        self._errors.seek(0)
+        lines = self._errors.read().decode(errors="replace").splitlines()
         end = self._end_in_words()
-        errors.seek(0)
-        lines = errors.read().decode(errors="replace").splitlines()
         reasons = [line for line in lines if line.startswith("reason:")] or lines[-1:]
         reason = reasons[0].removeprefix("reason:").strip() if reasons else end
         return RenderingError(
