@@ -36,9 +36,9 @@ _FINER = 2
 antialiasing has no effect outside a window."""
 KEY = Light(position=(0.95, 1.05, 2.70), colour=(0.45, 0.44, 0.42), shadow=True)
 """The light of a look that has none of its own."""
-KEY_LUX, AROUND_LUX = 48_000.0, 24_000.0
+KEY_LUX, AROUND_LUX = 60_000.0, 19_000.0
 """Light of the key at the brightness of `KEY`, and from all around."""
-KEY_METRES = 0.14
+KEY_METRES = 0.08
 """Radius of the key, for its shadows' edges."""
 _KEY_BRIGHTNESS = 0.437
 _DISTANCE = 2.7
