@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from duobench.core.errors import RenderingError
+from duobench.core.spatial import SE3
 from duobench.world.looks.catalog import LOOKS, look
 from duobench.world.looks.look import CLASSIC, STUDIO, CameraOffset, Light, Look, Material
 from duobench.world.robot.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
@@ -136,6 +137,23 @@ def test_a_model_that_changes_is_shown_as_it_is(draw: Draw, simulation: Simulati
     simulation.model.geom_rgba[geom] = before
     assert np.array_equal(draw(bare), first)
     assert np.array_equal(draw(), plain)
+
+
+def test_what_a_model_hides_is_not_there_nor_its_shadow(draw: Draw, simulation: Simulation) -> None:
+    plain, state = draw(), simulation.get_state()
+    geoms = simulation.model.geom_bodyid == simulation.model.body("black_bowl").id
+    opacity = simulation.model.geom_rgba[geoms, 3].copy()
+    simulation.model.geom_rgba[geoms, 3] = 0.0
+    hidden = draw()
+    simulation.model.geom_rgba[geoms, 3] = opacity
+    simulation.place("black_bowl", SE3.at(z=-2.0))
+    simulation.forward()
+    away = draw().astype(int)
+    simulation.set_state(state)
+    assert np.array_equal(draw(), plain)
+    # A shadow map takes in all that is there, so that other texels of it fall on an edge.
+    assert np.mean(np.abs(away - hidden).max(axis=2) > 8) < 0.005
+    assert np.mean(np.abs(away - plain).max(axis=2) > 8) > 0.02
 
 
 def test_edges_are_smooth_and_the_mean_of_many_is_the_same_picture(

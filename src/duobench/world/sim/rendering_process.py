@@ -21,16 +21,14 @@ import sys
 import tempfile
 import threading
 from collections import deque
-from collections.abc import Mapping
 from contextlib import suppress
 from importlib import import_module
 from operator import attrgetter
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from duobench.core.backend import Image
 from duobench.core.errors import RenderingError
 from duobench.core.machine import VULKAN_PACKAGES, watch_parent
 from duobench.core.types import Array
@@ -61,6 +59,8 @@ _ADVICE = {
 _HEAD = 8
 """Bytes that say how long a message is."""
 _MODEL = "model.mjb"
+_STUDIO = "duobench.world.sim.studio"
+"""The other renderer, whose libraries only its own process opens."""
 _FAMILIES = ("geom", "mat", "light", "cam")
 _STRUCTS = ("stat", "vis.global_", "vis.headlight", "vis.map")
 """Fields of a model that an image depends on, and that may change while it is simulated."""
@@ -352,32 +352,13 @@ def serve(backend: str, parent: int) -> None:
     os._exit(0)  # drivers have crashed while a process that had rendered was taken down
 
 
-class _Renders(Protocol):
-    """A renderer of either kind."""
-
-    def set_appearance(self, appearance: Appearance | None) -> None: ...
-
-    def render(
-        self, data: mujoco.MjData, cameras: Mapping[str, int]
-    ) -> dict[str, Image]: ...
-
-    def make_current(self) -> None: ...
-
-    def free(self) -> None: ...
-
-
-def _studio() -> Any:
-    """The renderer of the other kind, whose libraries only its process opens."""
-    return import_module("duobench.world.sim.studio")
-
-
 class _Served:
     """Work of the rendering process; its public methods can be asked for."""
 
     def __init__(self, backend: str) -> None:
         self._backend = backend
-        self._scenes: dict[int, tuple[_Renders, mujoco.MjData, Pictured]] = {}
-        self._current: _Renders | None = None
+        self._scenes: dict[int, tuple[Any, mujoco.MjData, Pictured]] = {}
+        self._current: Any = None
 
     def answer(
         self,
@@ -398,7 +379,7 @@ class _Served:
     def info(self) -> RenderingInfo:
         """Library, renderer and driver in use."""
         if self._backend == VULKAN:
-            return _studio().studio_info()
+            return import_module(_STUDIO).studio_info()
         context = open_context(self._backend, 1, 1)
         info = info_of(self._backend)
         context.free()
@@ -412,7 +393,7 @@ class _Served:
         self._current = None
         shape = height, width, samples
         if self._backend == VULKAN:
-            renderer = _studio().StudioRenderer(model, *shape)
+            renderer = import_module(_STUDIO).StudioRenderer(model, *shape)
         else:
             renderer = OffscreenRenderer(model, *shape, self._backend)
         self._scenes[number] = renderer, mujoco.MjData(model), Pictured(model)
@@ -449,9 +430,7 @@ class _Served:
         """Ids of geoms of a state; see `OffscreenRenderer`."""
         _, data, pictured = self._scenes[number]
         pictured.put_data(data, time, content)
-        renderer = self._renderer(number)
-        assert isinstance(renderer, OffscreenRenderer)
-        return renderer.segment(data, camera)
+        return self._renderer(number).segment(data, camera)
 
     def _free(self, number: int) -> None:
         if number in self._scenes:
@@ -459,7 +438,7 @@ class _Served:
             self._current = None
             del self._scenes[number]
 
-    def _renderer(self, number: int) -> _Renders:
+    def _renderer(self, number: int) -> Any:
         """A renderer, with its context current."""
         renderer = self._scenes[number][0]
         if renderer is not self._current:

@@ -10,7 +10,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -59,9 +59,19 @@ _SAMPLES = 8
 """Samples of the classic renderer that one image here is worth."""
 _SHOULDER = 0.60
 """Light from which on the tone curve bends, so that nothing burns out."""
-_SLOPE, _STRAIGHT, _OFFSET = 12.92, 0.0031308, 0.055
-"""Numbers of an image rise with this slope up to this light, and then along a curve [sRGB]."""
 _DEVICE = re.compile(r"Selected physical device '(.*?)'")
+_LENS = (
+    "pos",
+    "forward",
+    "up",
+    "frustum_center",
+    "frustum_width",
+    "frustum_bottom",
+    "frustum_top",
+    "frustum_near",
+    "frustum_far",
+)
+"""What the renderer's camera takes of MuJoCo's."""
 _TRANSPARENT = 0.98
 """Opacity from which on a geom is opaque."""
 _METAL_PATCH = 0.30
@@ -91,12 +101,7 @@ _METAL_BODY = 0.6
 """Share of a metal's colour that it scatters; the rest it mirrors."""
 
 
-class _Device(NamedTuple):
-    context: Any
-    name: str
-
-
-def _open_device() -> _Device:
+def _open_device() -> tuple[Any, str]:
     """A context, and the name of what renders; a failure ends the process.
 
     Each renderer has its own: a context frees the materials that its last image did not show,
@@ -116,13 +121,13 @@ def _open_device() -> _Device:
         log.seek(0)
         found = _DEVICE.search(log.read().decode(errors="replace"))
     context.set_clear_color([0.0, 0.0, 0.0])
-    return _Device(context, found[1] if found else "unknown")
+    return context, found[1] if found else "unknown"
 
 
 @cache
 def studio_info() -> RenderingInfo:
     """Renderer of the images of this process."""
-    name = _open_device().name
+    _, name = _open_device()
     return RenderingInfo(
         backend=VULKAN,
         renderer=f"Filament on {name}",
@@ -139,7 +144,7 @@ class StudioRenderer:
         self, model: mujoco.MjModel, height: int, width: int, samples: int
     ) -> None:
         self._model = model
-        self._context = _open_device().context
+        self._context, _ = _open_device()
         self._scene = self._context.create_scene(mjrf.SceneParams())
         settings = _SETTINGS.format(_SOFT if samples > 1 else _SHARP)
         self._scene.configure_from_model(mujoco.MjModel.from_xml_string(settings))
@@ -180,6 +185,7 @@ class StudioRenderer:
         self._furniture: list[Any] = []
         self._textures: list[Any] = []
         self._materials: dict[int, Any] = {}
+        self._hidden: set[int] = set()
         self._shown = b""
         self.set_appearance(Appearance(model, Look()))
 
@@ -239,7 +245,9 @@ class StudioRenderer:
             lens = mujoco.mjv_camera2GLCamera(self._model, data, self._view)
             self._appearance.aim_lens(lens, camera)
             shift_lens(lens, self._pixels.shape, across, up)
-            self._request.camera = _camera(lens)
+            self._request.camera = mjrf.Camera(
+                **{name: getattr(lens, name) for name in _LENS}
+            )
             dark = self._exposed(_DARK)
             bright = self._exposed(_BRIGHT)
             light = np.where(dark < _FULL, dark * (_DARK / _BRIGHT), bright)
@@ -276,11 +284,7 @@ class StudioRenderer:
             size = size[0], size[0], size[1]
         piece = self._shape(kind, size, receives=True)
         piece.set_pose(position, rotation)
-        piece.set_material(
-            mjrf.Material(
-                color=rgba, specular=_PLASTIC.mirror, glossiness=_PLASTIC.gloss
-            )
-        )
+        piece.set_material(_surface(rgba, _PLASTIC))
         return piece
 
     def _shape(self, kind: int, size: Any, *, receives: bool) -> Any:
@@ -343,7 +347,7 @@ class StudioRenderer:
             color_space=mjrf.ColorSpace.COLORSPACE_LINEAR,
             sampler_type=kinds.TEXTURE_2D if width == height else kinds.TEXTURE_CUBE,
         )
-        light = np.rint(255 * _linear(np.arange(256) / 255)).astype(np.uint8)
+        light = np.rint(255 * (np.arange(256) / 255) ** effects.GAMMA).astype(np.uint8)
         return self._uploaded(config, light[texels].tobytes())
 
     def _uploaded(self, config: Any, content: bytes) -> Any:
@@ -359,7 +363,14 @@ class StudioRenderer:
         model = self._model
         textured = np.any(model.mat_texid >= 0, axis=1)
         self._materials = {}
-        for geom in np.flatnonzero(model.geom_group < VISIBLE_GROUPS).tolist():
+        seen = model.geom_group < VISIBLE_GROUPS
+        hidden = set(np.flatnonzero(seen & (model.geom_rgba[:, 3] == 0.0)).tolist())
+        for geom in hidden - self._hidden:
+            self._scene.remove_renderable(self._geom(geom))
+        for geom in self._hidden - hidden:
+            self._scene.add_renderable(self._geom(geom))
+        self._hidden = hidden
+        for geom in np.flatnonzero(seen).tolist():
             part = self._part_of.get(geom)
             chosen = self._appearance.by_geom.get(geom)
             material = int(model.geom_matid[geom])
@@ -375,13 +386,7 @@ class StudioRenderer:
         finish = _FINISHES.get(part or "", _PLASTIC)
         body = _METAL_BODY if part == "metal" else 1.0
         opacity = 1.0 if opacity > _TRANSPARENT else opacity
-        material = mjrf.Material(
-            color=np.array(
-                [red * body, green * body, blue * body, opacity], np.float32
-            ),
-            specular=finish.mirror,
-            glossiness=finish.gloss,
-        )
+        material = _surface([red * body, green * body, blue * body, opacity], finish)
         if chosen is not None and chosen.texture is not None:
             texels = self._appearance.textures[chosen.texture]
             material.color_texture = self._textures[chosen.texture]
@@ -397,33 +402,17 @@ _PLANE = mujoco.mjtGeom.mjGEOM_PLANE.value
 _MESH = mujoco.mjtGeom.mjGEOM_MESH.value
 
 
-def _camera(lens: mujoco.MjvGLCamera) -> Any:
-    return mjrf.Camera(
-        pos=lens.pos,
-        forward=lens.forward,
-        up=lens.up,
-        frustum_center=lens.frustum_center,
-        frustum_width=lens.frustum_width,
-        frustum_bottom=lens.frustum_bottom,
-        frustum_top=lens.frustum_top,
-        frustum_near=lens.frustum_near,
-        frustum_far=lens.frustum_far,
-    )
-
-
-def _linear(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Light of the numbers of an image, both 0 to 1 [sRGB]."""
-    straight = numbers / _SLOPE
-    return np.where(
-        straight <= _STRAIGHT, straight, ((numbers + _OFFSET) / (1 + _OFFSET)) ** 2.4
+def _surface(rgba: Sequence[float], finish: Finish) -> Any:
+    return mjrf.Material(
+        color=np.array(rgba, np.float32),
+        specular=finish.mirror,
+        glossiness=finish.gloss,
     )
 
 
 def _developed(light: NDArray[np.float32]) -> Image:
-    """An image of a light: straight up to the shoulder, then ever flatter [sRGB]."""
+    """An image of a light: straight up to the shoulder, then ever flatter."""
     rest = 1 - _SHOULDER
     bent = 1 - rest * np.exp(-(light - _SHOULDER) / rest)
     light = np.where(light > _SHOULDER, bent, light)
-    curved = (1 + _OFFSET) * light ** (1 / 2.4) - _OFFSET
-    numbers = np.where(light <= _STRAIGHT, _SLOPE * light, curved)
-    return np.rint(255 * numbers).astype(np.uint8)
+    return np.rint(255 * light ** (1 / effects.GAMMA)).astype(np.uint8)
