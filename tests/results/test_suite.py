@@ -36,6 +36,15 @@ def test_what_differs_from_the_name_is_said() -> None:
     assert latency_text(suite) == "latency of 3 control steps (100 ms)"
 
 
+def test_another_renderer_is_played_when_it_is_named() -> None:
+    usual = SuiteChoice(suite="robust").make()
+    named = SuiteChoice(suite="robust", axes=("camera", "renderer"), levels=(2,)).make()
+    assert "renderer" not in {shift.axis for shift in usual.shifts}
+    assert [shift.name for shift in named.shifts] == ["none", "camera-2", "renderer-2"]
+    assert deviations(usual) == []
+    assert len(deviations(named)) == 1
+
+
 def test_no_name_is_a_suite_of_ones_own() -> None:
     suite = SuiteChoice().make()
     assert (suite.label, suite.episodes, suite.execution) == ("custom", 20, ChunkExecution())
