@@ -18,13 +18,12 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 from collections import deque
 from contextlib import suppress
 from importlib import import_module
 from operator import attrgetter
-from typing import Any
+from typing import IO, Any
 
 import mujoco
 import numpy as np
@@ -187,8 +186,8 @@ class RenderingProcess:
         code += "from duobench.world.sim.rendering_process import serve; "
         code += f"serve({backend!r}, {os.getpid()})"
         self.backend = backend
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
-        self._is_new = True
+        self._errors: IO[bytes] | None = None
+        """What a process with Vulkan writes until it is seen to work."""
         self._lock = threading.Lock()
         self._freed: deque[int] = deque()
         self._last = 0
@@ -200,12 +199,14 @@ class RenderingProcess:
                 os.ftruncate(memory, ROOM)
                 socket.send_fds(ours, [b"memory"], [memory])
                 self._channel = _RenderChannel(ours, memory)
+                if backend == VULKAN:
+                    self._errors = os.fdopen(os.memfd_create("duobench-errors"), "w+b")
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", code],
                     env=child_environment(backend),
                     stdin=theirs.fileno(),
                     stdout=subprocess.DEVNULL,
-                    stderr=self._errors if backend == VULKAN else None,
+                    stderr=self._errors,
                 )
         except (
             OSError,
@@ -216,10 +217,10 @@ class RenderingProcess:
             ) from error
         try:
             self.info: RenderingInfo = self.ask("info")
-            self._is_new = False
         except BaseException:
             self.end()
             raise
+        self._forget_errors()
 
     @property
     def is_running(self) -> bool:
@@ -254,8 +255,8 @@ class RenderingProcess:
                     f"fewer processes, or {_ADVICE[self.backend == VULKAN]}."
                 ) from None
             except (OSError, EOFError):
-                if self.backend == VULKAN and self._is_new:
-                    raise self._without_vulkan() from None
+                if self._errors is not None:
+                    raise self._without_vulkan(self._errors) from None
                 raise RenderingError(
                     f"The process that renders {self._end_in_words()}. The next image comes from a "
                     f"new one. If that ends too, render {_ADVICE[self.backend == VULKAN]}."
@@ -280,12 +281,17 @@ class RenderingProcess:
         with suppress(subprocess.TimeoutExpired):  # a driver may keep it from dying
             self._process.wait(1.0)
         self._channel.close()
-        self._errors.close()
+        self._forget_errors()
 
-    def _without_vulkan(self) -> RenderingError:
+    def _forget_errors(self) -> None:
+        if self._errors is not None:
+            self._errors.close()
+            self._errors = None
+
+    def _without_vulkan(self, errors: IO[bytes]) -> RenderingError:
         """Error of a process in which Vulkan failed, by what it wrote before it ended."""
-        self._errors.seek(0)
-        lines = self._errors.read().decode(errors="replace").splitlines()
+        errors.seek(0)
+        lines = errors.read().decode(errors="replace").splitlines()
         end = self._end_in_words()
         reasons = [line for line in lines if line.startswith("reason:")] or lines[-1:]
         reason = reasons[0].removeprefix("reason:").strip() if reasons else end

@@ -9,7 +9,6 @@ and once for what is bright, and the tone curve is ours.
 import os
 import re
 import sys
-import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
@@ -109,7 +108,7 @@ def _open_device() -> tuple[Any, str]:
     """
     import_module("mujoco.studio.window")  # registers the materials
     sys.stdout.flush()
-    with tempfile.TemporaryFile() as log:
+    with os.fdopen(os.memfd_create("duobench-log"), "w+b") as log:
         kept = os.dup(1)
         os.dup2(log.fileno(), 1)
         config = mjrf.ContextConfig(
