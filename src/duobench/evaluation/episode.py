@@ -41,7 +41,9 @@ from duobench.results.journal import EpisodeTimes
 from duobench.results.records import NOT_REPEATABLE, FirstAnswer, Record
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
+from duobench.tasks.shifts.shift import RENDERER
 from duobench.world.looks.catalog import as_look
+from duobench.world.looks.look import STUDIO
 from duobench.world.sim.rendering import describe
 
 _log = logging.getLogger(__name__)
@@ -249,6 +251,13 @@ class EpisodeRunner:
         self._actor = Actor(kind=kind, name=choice.name, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
 
+    def _versions(self, episode: Episode) -> dict[str, str | None]:
+        """Versions of an episode, which may be shifted to another renderer."""
+        if not episode.shift.level_of(RENDERER) or self.versions["renderer"] is None:
+            return self.versions
+        with before_policy(""):
+            return {**self.versions, "renderer": describe(STUDIO).renderer}
+
     def play(self, episode: Episode) -> EpisodeResult:
         """Play one episode.
 
@@ -257,6 +266,7 @@ class EpisodeRunner:
         it does not fit; see `blame`.
         """
         watch = Stopwatch()
+        versions = self._versions(episode)
         setting = self._prepare(episode)
         env = setting.env
         policy = setting.policy
@@ -264,7 +274,7 @@ class EpisodeRunner:
         if recording is not None:
             recording.content = None
         recorder = EpisodeRecorder(
-            episode, lambda: self._tell(recorder.record(self.run, self.versions))
+            episode, lambda: self._tell(recorder.record(self.run, versions))
         )
         video = None
         if episode.has_video:
@@ -305,7 +315,7 @@ class EpisodeRunner:
             if fault is not None:
                 raise fault from caught
             error = caught
-        record = recorder.record(self.run, self.versions)
+        record = recorder.record(self.run, versions)
         return EpisodeResult(
             record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
