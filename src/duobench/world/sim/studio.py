@@ -9,7 +9,7 @@ and once for what is bright, and the tone curve is ours.
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.backend import Image
+from duobench.core.backend import RGB, Image
 from duobench.core.machine import is_software_renderer
 from duobench.world.looks import effects
 from duobench.world.looks.look import Light, Look
@@ -26,7 +26,15 @@ from duobench.world.looks.surroundings import image_light
 from duobench.world.robot.workcell import SHADOW_CENTRE
 from duobench.world.scene.naming import FLOOR
 from duobench.world.sim.appearance import Appearance, Texture, parts_of
-from duobench.world.sim.offscreen import VISIBLE_GROUPS, lens_offsets, shift_lens
+from duobench.world.sim.offscreen import (
+    FREE,
+    VISIBLE_GROUPS,
+    CameraRequest,
+    Images,
+    lens_offsets,
+    place_lens,
+    shift_lens,
+)
 from duobench.world.sim.opengl import VULKAN, RenderingInfo
 
 mjrf: Any = import_module("mujoco.mjrf")
@@ -169,15 +177,11 @@ class StudioRenderer:
         self._target = self._context.create_render_target(
             mjrf.RenderTargetConfig(color_format=mjrf.PixelFormat.PIXEL_FORMAT_RGB8)
         )
-        height *= _FINER
-        width *= _FINER
-        self._target.resize(width, height)
-        self._pixels = np.zeros((height, width, 3), dtype=np.uint8)
         self._read = mjrf.ReadRequest(target=self._target)
-        self._read.set_buffer(self._pixels)
         self._request = mjrf.RenderRequest(scene=self._scene, target=self._target)
-        self._request.viewport = mjrf.Rect(left=0, bottom=0, width=width, height=height)
         self._request.post_processing = False
+        self._size = 0, 0
+        self._set_size((height, width))
         self._offsets = lens_offsets(-(-samples // _SAMPLES))
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
@@ -204,10 +208,8 @@ class StudioRenderer:
             self._scene.remove_renderable(piece)
         self._furniture = [self._piece(*piece) for piece in self._appearance.pieces]
 
-    def render(
-        self, data: mujoco.MjData, cameras: Mapping[str, int]
-    ) -> dict[str, Image]:
-        """One image of each camera; their numbers by name."""
+    def render(self, data: mujoco.MjData, requests: Sequence[CameraRequest]) -> Images:
+        """Colours of one state; the other kinds are left to the classic renderer."""
         colours = self._model.geom_rgba.tobytes()
         if colours != self._shown:
             self._make_materials()
@@ -219,10 +221,13 @@ class StudioRenderer:
                 plane.set_pose(data.geom_xpos[geom], data.geom_xmat[geom])
             (plane or self._geom(geom)).set_material(material)
         look = self._appearance.look
-        images = {}
-        for name, camera in cameras.items():
-            image = self._image(data, camera)
-            images[name] = effects.apply(look, image, data.time, data.qpos, camera)
+        images: Images = {}
+        for request in requests:
+            self._set_size(request.size)
+            camera = request.name if request.number == FREE else request.number
+            image = self._image(data, request)
+            image = effects.apply(look, image, data.time, data.qpos, camera)
+            images.setdefault(request.name, {})[RGB] = image
         return images
 
     def free(self) -> None:
@@ -236,13 +241,27 @@ class StudioRenderer:
     def make_current(self) -> None:
         """Nothing: a context is named in every call."""
 
-    def _image(self, data: mujoco.MjData, camera: int) -> Image:
+    def _set_size(self, size: tuple[int, int]) -> None:
+        """Render images of a height and width from now on."""
+        if size == self._size:
+            return
+        self._size = size
+        height, width = (length * _FINER for length in size)
+        self._target.resize(width, height)
+        self._pixels = np.zeros((height, width, 3), dtype=np.uint8)
+        self._read.set_buffer(self._pixels)
+        self._request.viewport = mjrf.Rect(left=0, bottom=0, width=width, height=height)
+
+    def _image(self, data: mujoco.MjData, request: CameraRequest) -> Image:
         """The light that reaches a camera, through the tone curve."""
         total = np.zeros(self._pixels.shape, dtype=np.float32)
         for across, up, _, _ in self._offsets:
-            self._view.fixedcamid = camera
+            self._view.fixedcamid = max(request.number, 0)
             lens = mujoco.mjv_camera2GLCamera(self._model, data, self._view)
-            self._appearance.aim_lens(lens, camera)
+            if request.pose is None:
+                self._appearance.aim_lens(lens, request.number)
+            else:
+                place_lens(lens, request.pose, request.fovy)
             shift_lens(lens, self._pixels.shape, across, up)
             self._request.camera = mjrf.Camera(
                 **{name: getattr(lens, name) for name in _LENS}
