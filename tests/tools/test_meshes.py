@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dev.tools import meshes
+from dev.tools.fine_meshes import RECIPES
 from duobench.world.scene.meshes import robot_meshes
 
 GROUPED = [name for group in meshes.VISUAL_GROUPS for name in group.fills_mm]
@@ -16,9 +17,11 @@ VISUALS = [*GROUPED, *meshes.VISUAL_OUTLINES]
 def test_the_published_files_are_those_of_the_recipes() -> None:
     lines = meshes.DIGESTS.read_text().splitlines()
     assert all(re.fullmatch(r"[0-9a-f]{64}  \S+", line) for line in lines)
-    assert len({line.split()[0] for line in lines}) == len(lines) == 33
+    assert len({line.split()[0] for line in lines}) == len(lines) == 44
     images = {name + (".obj" if name.startswith("fr3/") else ".stl") for name in VISUALS}
-    assert {line.split()[1] for line in lines} == images | {f"{name}.stl" for name in meshes.HULLS}
+    fine = {name for recipe in RECIPES for files in recipe.values() for name in files}
+    assert images < fine
+    assert {line.split()[1] for line in lines} == fine | {f"{name}.stl" for name in meshes.HULLS}
 
 
 def test_every_shipped_mesh_has_one_recipe_and_keeps_to_its_budget() -> None:

@@ -31,23 +31,32 @@ _ADVICE = "Install duobench again."
 @functools.cache
 def robot_meshes() -> Mapping[str, Mesh]:
     """Return all meshes by name, read once per process; their arrays are read-only."""
+    return decode(shipped(FILE))
+
+
+def shipped(file: str) -> bytes:
+    """Return the bytes of a data file beside this module."""
     try:
-        data = resources.files("duobench.world.scene").joinpath(FILE).read_bytes()
+        return resources.files("duobench.world.scene").joinpath(file).read_bytes()
     except OSError as error:
         raise AssetError(
             f"The meshes of the robot cannot be read ({error}). {_ADVICE}"
         ) from error
-    return decode(data)
+
+
+def check_intact(data: bytes, file: str, sha256: str) -> None:
+    """Reject the bytes of a data file whose digest is another."""
+    digest = hashlib.sha256(data).hexdigest()
+    if digest != sha256:
+        raise AssetError(
+            f"The meshes of the robot are damaged: {file} has the SHA-256 {digest}, "
+            f"expected {sha256}. {_ADVICE}"
+        )
 
 
 def decode(data: bytes) -> Mapping[str, Mesh]:
     """Return the meshes that the bytes of the data file hold."""
-    digest = hashlib.sha256(data).hexdigest()
-    if digest != SHA256:
-        raise AssetError(
-            f"The meshes of the robot are damaged: {FILE} has the SHA-256 {digest}, "
-            f"expected {SHA256}. {_ADVICE}"
-        )
+    check_intact(data, FILE, SHA256)
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         ends = file["counts"].cumsum(axis=0)[:-1]
         vertices = np.split(file["points"] / POINTS_PER_METRE, ends[:, 0])
