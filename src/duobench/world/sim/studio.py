@@ -24,6 +24,7 @@ from duobench.world.looks import effects
 from duobench.world.looks.look import Light, Look
 from duobench.world.looks.surroundings import image_light
 from duobench.world.robot.workcell import SHADOW_CENTRE
+from duobench.world.scene.fine_meshes import COVER, FINISHES, FineRobot
 from duobench.world.scene.naming import FLOOR
 from duobench.world.sim.appearance import Appearance, Texture, parts_of
 from duobench.world.sim.offscreen import (
@@ -155,8 +156,10 @@ class StudioRenderer:
         self._scene = self._context.create_scene(mjrf.SceneParams())
         settings = _SETTINGS.format(_SOFT if samples > 1 else _SHARP)
         self._scene.configure_from_model(mujoco.MjModel.from_xml_string(settings))
-        resources = mjrf.ModelResources(self._context, model)
-        self._geoms = mjrf.ModelRenderables(self._scene, resources)
+        self._geoms = self._renderables(model)
+        self._robot = FineRobot(model)
+        self._fine_geoms = self._renderables(self._robot.model)
+        self._fine_materials: list[Any] = []
         option = mujoco.MjvOption()
         option.geomgroup[:] = np.arange(len(option.geomgroup)) < VISIBLE_GROUPS
         option.sitegroup[:] = 0
@@ -164,6 +167,9 @@ class StudioRenderer:
         self._part_of = {
             geom: part for part, geoms in parts_of(model).items() for geom in geoms
         }
+        seen = model.geom_group < VISIBLE_GROUPS
+        for geom in set(self._robot.geoms[seen[self._robot.geoms]].tolist()):
+            self._scene.remove_renderable(self._geom(geom))
         self._planes = {
             geom: self._plane(geom)
             for geom in np.flatnonzero(model.geom_type == _PLANE).tolist()
@@ -220,6 +226,10 @@ class StudioRenderer:
             if plane is not None:
                 plane.set_pose(data.geom_xpos[geom], data.geom_xmat[geom])
             (plane or self._geom(geom)).set_material(material)
+        self._robot.follow(data)
+        self._fine_geoms.update(self._robot.data)
+        for geom, material in enumerate(self._fine_materials):
+            _of(self._fine_geoms, geom).set_material(material)
         look = self._appearance.look
         images: Images = {}
         for request in requests:
@@ -233,7 +243,10 @@ class StudioRenderer:
     def free(self) -> None:
         """Let go of everything, what hangs on others first."""
         self._materials.clear()
-        for name in ("_request", "_read", "_target", "_furniture", "_planes", "_geoms"):
+        self._fine_materials.clear()
+        for name in ("_request", "_read", "_target", "_furniture", "_planes"):
+            delattr(self, name)
+        for name in ("_fine_geoms", "_geoms"):
             delattr(self, name)
         for name in ("_lights", "_around", "_sky", "_textures", "_scene", "_context"):
             delattr(self, name)
@@ -284,8 +297,13 @@ class StudioRenderer:
         self._context.wait_for_frame(frame)
         return self._pixels.copy()
 
+    def _renderables(self, model: mujoco.MjModel) -> Any:
+        """What a model shows, in the scene."""
+        resources = mjrf.ModelResources(self._context, model)
+        return mjrf.ModelRenderables(self._scene, resources)
+
     def _geom(self, geom: int) -> Any:
-        return self._geoms.get_renderable(mujoco.mjtObj.mjOBJ_GEOM, geom, -1)
+        return _of(self._geoms, geom)
 
     def _plane(self, geom: int) -> Any:
         """A plane in the place of the model's, which casts no shadow: walls keep no light out."""
@@ -388,6 +406,12 @@ class StudioRenderer:
         for geom in self._hidden - hidden:
             self._scene.add_renderable(self._geom(geom))
         self._hidden = hidden
+        self._fine_materials = [
+            self._fine_material(geom, finish)
+            for geom, finish in zip(
+                self._robot.geoms.tolist(), self._robot.finishes, strict=True
+            )
+        ]
         for geom in np.flatnonzero(seen).tolist():
             part = self._part_of.get(geom)
             chosen = self._appearance.by_geom.get(geom)
@@ -395,6 +419,17 @@ class StudioRenderer:
             own = material >= 0 and bool(textured[material])
             if part is not None or chosen is not None or not own:
                 self._materials[geom] = self._material(geom, part)
+
+    def _fine_material(self, geom: int, name: str) -> Any:
+        """Material of a fine image of a geom; a look paints the covers."""
+        if name == COVER and geom in self._appearance.by_geom:
+            return self._material(geom, "robot")
+        finish = FINISHES[name]
+        red, green, blue, opacity = finish.rgba
+        body = _METAL_BODY if finish.metallic else 1.0
+        mirror = _FINISHES["metal"].mirror if finish.metallic else _PLASTIC.mirror
+        rgba = red * body, green * body, blue * body, opacity
+        return _surface(rgba, Finish(mirror, 1 - finish.roughness))
 
     def _material(self, geom: int, part: str | None) -> Any:
         red, green, blue, opacity = self._model.geom_rgba[geom].tolist()
@@ -418,6 +453,10 @@ class StudioRenderer:
 
 _PLANE = mujoco.mjtGeom.mjGEOM_PLANE.value
 _MESH = mujoco.mjtGeom.mjGEOM_MESH.value
+
+
+def _of(renderables: Any, geom: int) -> Any:
+    return renderables.get_renderable(mujoco.mjtObj.mjOBJ_GEOM, geom, -1)
 
 
 def _surface(rgba: Sequence[float], finish: Finish) -> Any:
