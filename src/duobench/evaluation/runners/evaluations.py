@@ -48,6 +48,7 @@ from duobench.results.report import write_report
 from duobench.results.run import RUN_SCHEMA, WHOLE, Resuming, Run, Shard, TimeLimits
 from duobench.results.scores import Results, summarize
 from duobench.results.suite import Episode, Suite, TaskInfo
+from duobench.world.looks.catalog import as_look
 
 _RESUMING = Resuming()
 
@@ -58,6 +59,7 @@ def evaluate(  # noqa: PLR0913
     folder: RunFolder,
     *,
     videos: int = 0,
+    video_look: str | None = None,
     limits: TimeLimits | None = None,
     workers: int = 1,
     observers: Sequence[Observer[Record]] = (),
@@ -77,6 +79,7 @@ def evaluate(  # noqa: PLR0913
         suite: What to play, under every shift that it names.
         folder: Where everything is written; a folder that holds the same run is continued.
         videos: How many episodes of each task and shift, from the first on, have a video.
+        video_look: Look of the table in them; None is that of the suite.
         limits: How long the policy may take.
         workers: Processes that play side by side. With 0 this process plays: fine for a debugger,
             but it cannot stop a policy that hangs or outlive one that ends its process.
@@ -99,6 +102,8 @@ def evaluate(  # noqa: PLR0913
         PolicyError: If the policy cannot be made, or does not fit the environment.
         DuoBenchError: If the environment cannot be made.
     """
+    if video_look is not None:
+        as_look(video_look)
     choice = PolicyChoice(name=policy) if isinstance(policy, str) else policy
     if videos < 0:
         raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
@@ -107,6 +112,7 @@ def evaluate(  # noqa: PLR0913
         suite=suite,
         limits=limits or TimeLimits(),
         videos=videos,
+        video_look=video_look,
     )
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
