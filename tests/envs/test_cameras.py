@@ -62,11 +62,13 @@ def test_a_chunk_inside_is_drawn_once(make: Make, monkeypatch: pytest.MonkeyPatc
     env.reset(seed=0)
     drawn = []
     backend = env.base.backend
-    draw = backend.images
-    monkeypatch.setattr(backend, "images", lambda *given: (drawn.append(given), draw(*given))[1])
+    draw = backend.images_by_kind
+    monkeypatch.setattr(
+        backend, "images_by_kind", lambda wanted: (drawn.append(wanted), draw(wanted))[1]
+    )
     observation, *_ = env.step(waves(5))
-    assert drawn == [(("head",), SIZE)]
-    assert np.array_equal(observation["pixels"]["head"], draw(("head",), SIZE)["head"])
+    assert drawn == [{"rgb": {"head": SIZE}}]
+    assert np.array_equal(observation["pixels"]["head"], backend.images(("head",), SIZE)["head"])
 
 
 def test_no_opengl_before_the_first_reset() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import tyro
 
+from duobench.cli.shared.cameras import REGISTRY
 from duobench.cli.shared.console import say
 from duobench.cli.shared.options import options_of
 from duobench.cli.shared.process import find_scratch
@@ -138,6 +139,7 @@ def _call(
             prog=program,
             args=words,
             config=CONFIG,
+            registry=REGISTRY,
         )
     except SystemExit as left:
         if left.code:

@@ -9,10 +9,11 @@ import tyro
 from duobench.cli.shared.console import say
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.resets import reset_env
+from duobench.core.backend import DEPTH, SEGMENTATION, Sizes
 from duobench.core.files import make_folder, taken_back, writing
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
-from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, Camera
 
 SAMPLES = 16
 """Images averaged into the one for people; what policies see has one."""
@@ -21,7 +22,10 @@ SAMPLES = 16
 def run(
     task: tyro.conf.Positional[str],
     seed: int = 0,
+    cameras: tuple[str | Camera, ...] = (*POLICY_CAMERAS, OVERVIEW),
     size: tuple[int, int] = (720, 1280),
+    depth: bool = False,
+    segmentation: bool = False,
     look: str = "default",
     out: Path = Path("renders"),
 ) -> None:
@@ -30,13 +34,23 @@ def run(
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
         seed: Seed of the reset.
+        cameras: What is rendered: names, or cameras of your own as JSON or module:NAME.
         size: Height and width of the images in pixels.
+        depth: Show depth too, in colours, with a legend.
+        segmentation: Show too which part of the scene each pixel shows, with a legend.
         look: Look of the images: wood_table, dark, random:7, ... (see the page looks).
         out: Folder of the images.
     """
     load_engine()
     from PIL import Image
 
+    from duobench.core.false_colours import (
+        depth_legend,
+        depth_picture,
+        segmentation_legend,
+        segmentation_picture,
+        with_legend,
+    )
     from duobench.world.sim.rendering import Renderer
 
     (info,) = find_tasks([task])
@@ -46,7 +60,9 @@ def run(
     images = {}
     with taken_back(out):
         make_folder(out)
-        for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
+        of_people = [camera for camera in cameras if camera == OVERVIEW]
+        others = [camera for camera in cameras if camera != OVERVIEW]
+        for seen, samples in ((others, 1), (of_people, SAMPLES)):
             with Renderer(
                 simulation.model,
                 height=height,
@@ -54,7 +70,21 @@ def run(
                 samples=samples,
                 look=base.look,
             ) as renderer:
-                images |= renderer.render_all(simulation.data, cameras)
+                images |= renderer.render_all(simulation.data, seen)
+        sizes: Sizes = {**dict.fromkeys(cameras, size)}
+        wanted = {
+            DEPTH: sizes if depth else {},
+            SEGMENTATION: sizes if segmentation else {},
+        }
+        numbers = base.backend.images_by_kind(wanted)
+        for camera, image in numbers.get(DEPTH, {}).items():
+            images[f"{camera}-depth"] = with_legend(
+                depth_picture(image), depth_legend()
+            )
+        for camera, image in numbers.get(SEGMENTATION, {}).items():
+            legend = segmentation_legend(image, base.segmentation_ids)
+            picture = with_legend(segmentation_picture(image), legend)
+            images[f"{camera}-segmentation"] = picture
         for camera, image in images.items():
             path = out / f"{info.id}-{seed}-{camera}.png"
             with writing(path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -19,18 +20,21 @@ from duobench.core.errors import DataError
 from duobench.core.files import check_outside, remove_abandoned, replacing, taken_back
 from duobench.results.folder import VIDEO_SUFFIX
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import Camera
 
 if TYPE_CHECKING:
     from duobench.data import DataSet, ImageSource, Recording
 
 
-def run(
+def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     data: Positional[Path],
     mode: Literal["states", "actions"] = "states",
     tasks: tuple[str, ...] = (),
     out: Path = Path("replay"),
-    cameras: tuple[str, ...] = ("overview",),
+    cameras: tuple[str | Camera, ...] = ("overview",),
     size: tuple[int, int] = (480, 640),
+    depth: bool = False,
+    segmentation: bool = False,
     look: str = "default",
     import_tasks: bool = False,
 ) -> None:
@@ -45,8 +49,11 @@ def run(
         mode: What is replayed.
         tasks: Only these tasks; all of the data set if none is named.
         out: Folder of the videos.
-        cameras: What the videos show, side by side: overview, head, left_wrist, right_wrist.
+        cameras: What the videos show, side by side: overview, head, left_wrist, right_wrist, or
+            cameras of your own as JSON or module:NAME.
         size: Height and width of one image in pixels, both even.
+        depth: Show depth below the images, in the colours whose legend render has.
+        segmentation: Show below which part of the scene each pixel shows, in colours.
         look: Look of the images: wood_table, dark, random:7, ... (see the page looks).
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the data set names.
@@ -66,7 +73,7 @@ def run(
     else:
         check_outside(out, dataset.path)
         with taken_back(out):
-            _by_states(episodes, out, cameras, size, look)
+            _by_states(episodes, out, cameras, size, (depth, segmentation), look)
 
 
 def _by_actions(data: DataSet, episodes: Mapping[str, Sequence[Path]]) -> None:
@@ -107,8 +114,9 @@ def _by_actions(data: DataSet, episodes: Mapping[str, Sequence[Path]]) -> None:
 def _by_states(
     episodes: Mapping[str, Sequence[Path]],
     out: Path,
-    cameras: tuple[str, ...],
+    cameras: tuple[str | Camera, ...],
     size: tuple[int, int],
+    kinds: tuple[bool, bool],
     look: str,
 ) -> None:
     from duobench.core.video import VP9, write_video
@@ -126,9 +134,14 @@ def _by_states(
         with closing(
             ImageSource(
                 task,
-                cameras=cameras,
+                cameras=[
+                    replace(camera, size=None) if isinstance(camera, Camera) else camera
+                    for camera in cameras
+                ],
                 size=size,
                 look=look,
+                depth=kinds[0],
+                segmentation=kinds[1],
             )
         ) as source:
             for path in paths:
@@ -140,10 +153,14 @@ def _by_states(
 
 
 def _frames(source: ImageSource, recording: Recording) -> Iterator[Image]:
-    """The images of all cameras side by side, for a video."""
+    """The images of all cameras side by side, for a video; each kind has a row."""
     import numpy as np
 
+    from duobench.core.false_colours import pictures
+    from duobench.envs.observation_wrappers import KEYS
     from duobench.evaluation.video import FRAME_EVERY
 
     for row in range(0, len(recording) + 1, FRAME_EVERY):
-        yield np.concatenate(list(source.images(recording, row).values()), axis=1)
+        seen = source.images_by_kind(recording, row)
+        rows = [pictures({KEYS[kind]: images}) for kind, images in seen.items()]
+        yield np.vstack([np.hstack([image for _, image in row]) for row in rows])

@@ -24,6 +24,7 @@ from duobench.data.summary import summarize
 from duobench.envs import state_labels
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 PICTURES = "pictures"
 """Folder of what a card shows: made of recordings; an export shows the JPEGs that are there."""
@@ -83,6 +84,7 @@ def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
             write(folder / PICTURES / f"{task}.jpg", sheet)
     return {
         "summary": summary,
+        "depths": [],
         "suite": data.read_description().suite_version,
         "parts": {one.task: (one.episodes, one.frames) for one in summary.tasks},
         # The state of each task has a length of its own, and a table has one.
@@ -128,6 +130,14 @@ def _of_exports(folder: Path) -> dict[str, Any]:
         "features": list(
             dict.fromkeys(key for one in about for key in one["features"])
         ),
+        "depths": list(
+            dict.fromkeys(
+                key
+                for one in about
+                for key, feature in one["features"].items()
+                if (feature.get("info") or {}).get("is_depth_map")
+            )
+        ),
         "version": " and ".join(
             dict.fromkeys(one["codebase_version"] for one in about)
         ),
@@ -149,10 +159,12 @@ def _training(
     seen = [
         key for key in about["features"] if key.startswith((IMAGE_PREFIX, OBJECT_STATE))
     ]
+    known = {OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_CAMERAS)}
     parts = state_labels.find(feature_names(about, STATE) or JOINT_NAMES) or ()
     if (
         about["codebase_version"] != FORMAT
         or not seen
+        or not known.issuperset(seen)
         or not {*parts} <= {*state_labels.SHOWN}
     ):
         return ""

@@ -12,18 +12,26 @@ import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from duobench.core.backend import Image
+from duobench.core.backend import (
+    DEPTH,
+    RGB,
+    SEGMENTATION,
+    AnyCamera,
+    CameraGeometry,
+    Image,
+    Sizes,
+)
 from duobench.core.errors import DataError, DuoBenchError, OptionError
 from duobench.core.types import as_several, as_size
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
-from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.config import IMAGE_SIZE, name_of
 from duobench.tasks import catalog
 from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
-from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.cameras import POLICY_CAMERAS, Camera
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation
@@ -34,9 +42,12 @@ class ImageSource:
 
     Args:
         task: The task, its id, or its import path.
-        cameras: Which cameras to render.
-        size: Height and width of the images in pixels, or one number for a square.
+        cameras: Which cameras to render: names, or a `Camera` of one's own.
+        size: Height and width of the images in pixels, or one number for a square; a camera with a
+            size has its own.
         look: Look of the images, which may differ from that of the recording.
+        depth: Cameras whose depth is rendered too, by name, or True for all.
+        segmentation: The same of what each pixel shows.
 
     Raises:
         UnknownNameError: There is no such task or look.
@@ -47,9 +58,11 @@ class ImageSource:
         self,
         task: str | Task,
         *,
-        cameras: str | Sequence[str] = POLICY_CAMERAS,
+        cameras: str | Camera | Sequence[str | Camera] = POLICY_CAMERAS,
         size: int | tuple[int, int] = IMAGE_SIZE,
         look: str | Look = DEFAULT,
+        depth: bool | str | Sequence[str] = (),
+        segmentation: bool | str | Sequence[str] = (),
     ) -> None:
         definition = catalog.get(task)
         self.object_state: ObjectState = definition.object_state
@@ -57,18 +70,21 @@ class ImageSource:
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
         self.set_look(look)
-        names = as_several(cameras)
+        names = (cameras,) if isinstance(cameras, Camera) else as_several(cameras)
         if names is None:
             raise OptionError(
                 f"cameras is a name, or a list of names; got {cameras!r}."
             )
-        self._cameras = names
         pixels = as_size(size)
         if pixels is None:
             raise OptionError(
                 f"size is (height, width) in pixels, or one number for a square; got {size!r}."
             )
-        self._size = pixels
+        self._wanted = {
+            RGB: _sizes(True, names, pixels),
+            DEPTH: _sizes(depth, names, pixels),
+            SEGMENTATION: _sizes(segmentation, names, pixels),
+        }
         self._layout: dict[str, Any] | None = None
 
     def set_look(self, look: str | Look) -> None:
@@ -103,8 +119,24 @@ class ImageSource:
             DataError: The state does not fit the task.
             RenderingError: Nothing can be rendered.
         """
+        return self.images_by_kind(recording, row).get(RGB, {})
+
+    def images_by_kind(
+        self, recording: Recording, row: int
+    ) -> dict[str, dict[str, Any]]:
+        """Images of a row by kind ("rgb", "depth", "segmentation") and camera; see `images`."""
         self.show(recording, row)
-        return self._backend.images(self._cameras, self._size)
+        return self._backend.images_by_kind(self._wanted)
+
+    def geometry(self, recording: Recording, row: int) -> dict[str, CameraGeometry]:
+        """Lens and place of each camera at a row, by name, where the look has them."""
+        self.show(recording, row)
+        sizes = {
+            camera: size
+            for each in self._wanted.values()
+            for camera, size in each.items()
+        }
+        return self._backend.camera_geometry(sizes)
 
     def objects(self, recording: Recording, row: int) -> NDArray[np.float32]:
         """The numbers (n,) of `object_state` at a row, as the environment gave them on request.
@@ -118,6 +150,23 @@ class ImageSource:
     def close(self) -> None:
         """Free the renderer."""
         self._backend.close()
+
+
+def _sizes(
+    given: bool | str | Sequence[str],
+    cameras: Sequence[str | Camera],
+    size: tuple[int, int],
+) -> Sizes:
+    """The cameras of some names, or all, with the size of their images."""
+    own = {camera.name: camera for camera in cameras if isinstance(camera, Camera)}
+    names = [*map(name_of, cameras)] if given is True else as_several(given or ())
+    if names is None:
+        raise OptionError(f"True, a name, or a list of names is taken; got {given!r}.")
+    sizes: dict[str | AnyCamera, tuple[int, int]] = {}
+    for name in names:
+        camera = own.get(name)
+        sizes[camera or name] = (camera and camera.size) or size
+    return sizes
 
 
 View = Callable[[Image, tuple[int, int]], Image]

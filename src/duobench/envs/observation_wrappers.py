@@ -9,10 +9,17 @@ from typing import TYPE_CHECKING, Any, cast
 import gymnasium as gym
 import numpy as np
 
-from duobench.core.errors import OptionError, check_known
+from duobench.core.backend import (
+    DEPTH,
+    RGB,
+    SEGMENTATION,
+    CameraGeometry,
+    Wanted,
+)
+from duobench.core.errors import OptionError
 from duobench.core.randomness import EVAL
 from duobench.core.types import Array, as_several
-from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.config import IMAGE_SIZE, name_of, wanted_images
 from duobench.envs.duo_env import (
     DuoWrapper,
     Observation,
@@ -28,7 +35,12 @@ from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import level_for
 from duobench.tasks.shifts.samples import EpisodeKey
 from duobench.tasks.shifts.shift import SENSING, Shift
-from duobench.world.robot.cameras import POLICY_CAMERAS, check_image_size
+from duobench.world.robot.cameras import (
+    FARTHEST,
+    POLICY_CAMERAS,
+    Camera,
+    check_image_size,
+)
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
@@ -36,69 +48,118 @@ if TYPE_CHECKING:
 
 PIXELS = "pixels"
 """Key of the images in an observation."""
+KEYS: Mapping[str, str] = {RGB: PIXELS, DEPTH: DEPTH, SEGMENTATION: SEGMENTATION}
+"""Key of the images of each kind."""
+FLAT_ENDS: Mapping[str, str] = {
+    PIXELS: "image",
+    DEPTH: DEPTH,
+    SEGMENTATION: SEGMENTATION,
+}
+"""End of the name of an image of each of these keys in a flat observation."""
+NO_SIZES: Mapping[str, tuple[int, int]] = {}
 
 
 class Cameras(ObservingWrapper):
-    """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
+    """Adds images to the observation, by the name of the camera.
+
+    `pixels` holds colours (height, width, 3), uint8; `depth` metres along the optical axis
+    (height, width), float32, 0 where nothing is or what is there is further than 7 m;
+    `segmentation` the number of the part that is shown (height, width), int32, 0 for none, see
+    `DuoEnv.segmentation_ids`. Each is there if it is asked for.
 
     It belongs outside action chunks: one image of each camera is rendered for each step and each
     reset, nothing before the first reset. `set_rendering` leaves out images that are not
     needed; `env.get_wrapper_attr` finds it through any wrappers.
 
     Args:
-        cameras: Names of cameras.
-        image_size: Height and width in pixels, at most the native 720 x 1280. An image shows
-            the whole native field of view at every size.
+        cameras: Names of cameras, and cameras of one's own.
+        image_size: Height and width in pixels, at most the native 720 x 1280. An image of the
+            robot's cameras shows the whole native field of view at every size.
+        depth: Names of the cameras whose depth it adds.
+        segmentation: Names of the cameras whose parts it adds.
+        image_sizes: Sizes by name, of cameras with another one.
 
     Raises:
         UnknownNameError: There is no such camera.
         RenderingError: The size is larger than the native one, or not positive.
+        BackendError: A camera of real arms gives no such images.
     """
 
     def __init__(
         self,
         env: gym.Env,
-        cameras: Sequence[str] = POLICY_CAMERAS,
+        cameras: str | Camera | Sequence[str | Camera] = POLICY_CAMERAS,
         image_size: tuple[int, int] = IMAGE_SIZE,
+        depth: str | Sequence[str] = (),
+        segmentation: str | Sequence[str] = (),
+        image_sizes: Mapping[str, tuple[int, int]] = NO_SIZES,
     ) -> None:
-        names = as_several(cameras)
-        if names is None:
+        seen = as_several((cameras,) if isinstance(cameras, Camera) else cameras)
+        far, parts = as_several(depth), as_several(segmentation)
+        if seen is None or far is None or parts is None:
             raise OptionError(
-                f"cameras is a name, or a list of names; got {cameras!r}."
+                "cameras, depth and segmentation are a name, or a list of names; got "
+                f"{cameras!r}, {depth!r} and {segmentation!r}."
             )
-        for name in names:
-            check_known("camera", name, POLICY_CAMERAS)
-        self._cameras = names
+        self._wanted = wanted_images(seen, far, parts, image_size, image_sizes)
         self._is_rendering = True
-        height, width = self._shape = image_size
-        check_image_size(height, width)
-
-        images: dict[str, gym.Space] = {
-            name: gym.spaces.Box(
-                0,
-                255,
-                (height, width, 3),
-                dtype=np.uint8,
+        for sizes in self._wanted.values():
+            for size in sizes.values():
+                check_image_size(*size)
+        ids = base_of(env).segmentation_ids if parts else {}
+        spaces: dict[str, gym.Space] = {
+            KEYS[kind]: gym.spaces.Dict(
+                {
+                    name_of(camera): _space(kind, size, ids)
+                    for camera, size in sizes.items()
+                }
             )
-            for name in names
+            for kind, sizes in self._wanted.items()
         }
-        space = gym.spaces.Dict(images)
         super().__init__(
-            env, {PIXELS: space}, cameras=self._cameras, image_size=image_size
+            env,
+            spaces,
+            cameras=seen,
+            image_size=image_size,
+            depth=far,
+            segmentation=parts,
+            image_sizes=image_sizes,
         )
 
+    @property
+    def wanted(self) -> Wanted:
+        """Images of an observation, by their kind."""
+        return self._wanted
+
+    @property
+    def cameras(self) -> dict[str, CameraGeometry]:
+        """Lens and place at this step of each camera whose images are observed."""
+        sizes = {
+            camera: size
+            for each in self._wanted.values()
+            for camera, size in each.items()
+        }
+        return dict(self.base.backend.camera_geometry(sizes))
+
     def set_rendering(self, is_on: bool) -> None:
-        """Switch images on or off; while they are off, an observation has no `pixels`."""
+        """Switch images on or off; while they are off, an observation has none."""
         self._is_rendering = is_on
 
     def observation(self, observation: Observation) -> Observation:
-        """The observation with an image of each camera, unless they are switched off."""
+        """The observation with images of each camera, unless they are switched off."""
         if not self._is_rendering:
             return observation
-        return {
-            **observation,
-            PIXELS: self.base.backend.images(self._cameras, self._shape),
-        }
+        images = self.base.backend.images_by_kind(self._wanted)
+        return {**observation, **{KEYS[kind]: images[kind] for kind in self._wanted}}
+
+
+def _space(kind: str, size: tuple[int, int], ids: Mapping[str, int]) -> gym.spaces.Box:
+    """The space of an image."""
+    if kind == DEPTH:
+        return gym.spaces.Box(0.0, FARTHEST, size, dtype=np.float32)
+    if kind == SEGMENTATION:
+        return gym.spaces.Box(0, max(ids.values()), size, dtype=np.int32)
+    return gym.spaces.Box(0, 255, (*size, 3), dtype=np.uint8)
 
 
 class ObjectStates(ObservingWrapper):
@@ -137,9 +198,9 @@ class ObjectStates(ObservingWrapper):
 class FlatObservations(ObservingWrapper):
     """Gives a `Dict` of one level: `head_image`, `left_wrist_image`, ... instead of `pixels`.
 
-    Libraries of reinforcement learning take no `Dict` inside a `Dict`. The images stay
-    (height, width, 3), uint8, and everything else stays as it is; no vector is made of it. Put it
-    outside the wrappers that add to the observation.
+    Likewise `head_depth` and `head_segmentation`. Libraries of reinforcement learning take no
+    `Dict` inside a `Dict`. The images stay arrays of their shape, and everything else stays as it
+    is; no vector is made of it. Put it outside the wrappers that add to the observation.
     """
 
     def __init__(self, env: gym.Env) -> None:
@@ -155,9 +216,13 @@ class FlatObservations(ObservingWrapper):
 def flat_entries(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of an observation, or their spaces, with each image at the top."""
     images = {
-        f"{camera}_image": image for camera, image in entries.get(PIXELS, {}).items()
+        f"{camera}_{end}": image
+        for key, end in FLAT_ENDS.items()
+        for camera, image in entries.get(key, {}).items()
     }
-    return {key: value for key, value in entries.items() if key != PIXELS} | images
+    return {
+        key: value for key, value in entries.items() if key not in FLAT_ENDS
+    } | images
 
 
 MAX_AGE = 30

@@ -219,7 +219,7 @@ class EpisodeRunner:
             look=job.suite.look,
         )
         with before_policy(""):
-            renderer = describe().renderer if config.cameras else None
+            renderer = describe().renderer if config.wanted else None
         choice = job.policy
         candidate = Candidate(
             policy=choice.name,

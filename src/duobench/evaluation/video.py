@@ -11,10 +11,10 @@ import numpy as np
 from PIL import Image as Pillow, ImageDraw, ImageFont
 
 from duobench.core.backend import Image
+from duobench.core.false_colours import pictures
 from duobench.core.types import CONTROL_HZ
 from duobench.core.video import VP9, VideoWriter
 from duobench.envs.execution import Step
-from duobench.envs.observation_wrappers import PIXELS
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.rollouts import Info, Observation
 from duobench.results.suite import TaskInfo
@@ -102,8 +102,9 @@ class VideoRecorder:
         return self._file.getvalue() or None
 
     def _look(self, number: int, observation: Observation) -> None:
-        if self._picture is not None and PIXELS in observation:
-            self._picture.look(number, observation[PIXELS])
+        images = {} if self._picture is None else dict(pictures(observation))
+        if self._picture is not None and images:
+            self._picture.look(number, images)
 
     def _show(self, number: int, info: Info) -> None:
         start = time.perf_counter()
@@ -129,7 +130,7 @@ class Picture:
         self._seen_after = 0
 
     def look(self, number: int, images: Mapping[str, Image]) -> None:
-        """Note the images (height, width, 3) by camera that the policy sees after some steps."""
+        """Note the images (height, width, 3) by name that the policy sees after some steps."""
         self._images, self._seen_after = images, number
 
     def draw(

@@ -168,10 +168,8 @@ def read(path: Path) -> Mapping[str, Any]:
     return read_object(path, PolicyError) or {}
 
 
-def inputs(
-    config: Any, rename_map: Mapping[str, str]
-) -> tuple[tuple[str, ...], tuple[int, int] | None]:
-    """Cameras of a checkpoint, in names of this benchmark, and the size (height, width) of images.
+def inputs(config: Any, rename_map: Mapping[str, str]) -> dict[str, tuple[int, int]]:
+    """Height and width of a checkpoint's images by camera, in names of this benchmark.
 
     Args:
         config: Its configuration, LeRobot's `PreTrainedConfig`.
@@ -192,14 +190,7 @@ def inputs(
             f"{', '.join(known)}: train with these names, or with LeRobot's rename_map from them, "
             "which is saved in the checkpoint."
         )
-    sizes = set(shapes.values())
-    if len(sizes) > 1:
-        listed = ", ".join(f"{key} {h}x{w}" for key, (h, w) in shapes.items())
-        raise PolicyError(
-            f"All images have one size here; the checkpoint's differ: {listed}."
-        )
-    cameras = tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes)
-    return cameras, next(iter(sizes), None)
+    return {key.removeprefix(IMAGE_PREFIX): size for key, size in shapes.items()}
 
 
 def horizon(config: Any) -> int:

@@ -108,7 +108,8 @@ class LeRobotPolicy:
             if config.use_amp
             else nullcontext()
         )
-        self._cameras, image_size = inputs(config, _rename_map(self._before))
+        sizes = inputs(config, _rename_map(self._before))
+        self._cameras, several = tuple(sizes), len({*sizes.values()}) > 1
         self._state_parts = state_parts(folder, config)
         self._object_numbers = object_numbers(config)
         self._domain_key = getattr(config, "domain_feature_key", None)
@@ -118,7 +119,8 @@ class LeRobotPolicy:
             name=f"lerobot {config.type}",
             cameras=self._cameras,
             object_state=self._object_numbers > 0,
-            image_size=image_size,
+            image_size=None if several else next(iter(sizes.values()), None),
+            image_sizes=sizes if several else {},
             action_mode=mode,
             version=_version(
                 folder, self._steps, mode, self._model, device, config.use_amp

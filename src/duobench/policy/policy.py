@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.core.errors import PolicyError, escaped
+from duobench.core.backend import DEPTH, SEGMENTATION
+from duobench.core.errors import OptionError, PolicyError, escaped
 from duobench.core.types import (
     FLAT_SIZE,
     as_count,
@@ -17,7 +18,8 @@ from duobench.core.types import (
     as_size,
     real_array,
 )
-from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.envs.config import CAMERA_OPTIONS, camera_options, name_of
+from duobench.world.robot.cameras import POLICY_CAMERAS, Camera
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -36,15 +38,24 @@ class PolicyMetadata:
 
     name: str
     """Name that the policy gives itself, for people."""
-    cameras: tuple[str, ...] = POLICY_CAMERAS
+    cameras: tuple[str | Camera, ...] = POLICY_CAMERAS
     """Cameras that must be in the observation; the others are not rendered. All of the
-    environment's by default; `()` for a policy that needs no images, which is faster."""
+    environment's by default; `()` for a policy that needs no images, which is faster. One of one's
+    own is a `Camera` or its JSON form; sizes by camera, as for `duobench.make`, fill
+    `image_sizes`."""
+    depth: tuple[str, ...] = ()
+    """Cameras whose depth must be there: names, or True for all of `cameras`."""
+    segmentation: tuple[str, ...] = ()
+    """The same for the parts of the scene that pixels show: privileged, as only a simulation
+    knows them."""
     object_state: bool = False
     """Whether the observation must hold `environment_state`, the privileged numbers of the
     objects."""
     image_size: tuple[int, int] | None = None
     """Height and width of every image in pixels, given as one number for a square; None takes the
     environment's default."""
+    image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict, hash=False)
+    """Height and width by camera, of those with another size than `image_size`."""
     action_mode: str = "joint"
     """The environment's action mode that the actions are meant for."""
     version: str | None = None
@@ -61,6 +72,12 @@ class PolicyMetadata:
     """Device of the model, such as "cuda" or "cpu"."""
 
     def __post_init__(self) -> None:
+        try:
+            given = {name: getattr(self, name) for name in CAMERA_OPTIONS}
+            for name, value in camera_options(given).items():
+                object.__setattr__(self, name, value)
+        except OptionError as error:
+            raise PolicyError(f"What a policy sees is invalid: {error}") from error
         for name, convert in _CONVERSIONS.items():
             try:
                 object.__setattr__(self, name, convert(getattr(self, name)))
@@ -80,10 +97,14 @@ class PolicyMetadata:
                     f"The {name} of a policy has at most {_LONGEST_TEXT} characters, not "
                     f"{len(value)}, as a hash of what it would say."
                 )
-        if not all(isinstance(camera, str) for camera in self.cameras):
-            raise PolicyError(
-                f"The cameras of a policy are names, got {self.cameras!r}."
-            )
+        for what, kinds in (
+            ("cameras", str | Camera),
+            (DEPTH, str),
+            (SEGMENTATION, str),
+        ):
+            values = getattr(self, what)
+            if not all(isinstance(value, kinds) for value in values):
+                raise PolicyError(f"The {what} of a policy are names, got {values!r}.")
 
 
 def _or_none(
@@ -105,11 +126,11 @@ def _names(value: Any) -> tuple[Any, ...]:
     return names
 
 
+_size = _or_none(as_size, "it is (height, width) in pixels, or one number for a square")
 _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
-    "cameras": _names,
-    "image_size": _or_none(
-        as_size, "it is (height, width) in pixels, or one number for a square"
-    ),
+    **dict.fromkeys(("cameras", DEPTH, SEGMENTATION), _names),
+    "image_sizes": lambda sizes: {name: _size(size) for name, size in sizes.items()},
+    "image_size": _size,
     "horizon": _or_none(as_count, "it is at least 1 action"),
     "object_state": bool,
     "batch_invariant": bool,
@@ -144,8 +165,9 @@ class Policy(Protocol):
 
         Args:
             observation: The environment's observation: `agent_pos` (16,), `tcp_pose` (14,),
-                `pixels` with one HWC uint8 image per camera, and `environment_state` (n,) where
-                the metadata ask for it.
+                `pixels` with one HWC uint8 image per camera, and where the metadata ask for them
+                `depth` and `segmentation` with one (H, W) image per camera, float32 in metres and
+                int32, and `environment_state` (n,).
 
         Returns:
             Actions (H, n) with H at least 1, executed in order before the next call; n is 16 in
@@ -222,25 +244,38 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
         )
     problems = [*_differences(metadata, config)]
     if problems:
-        size = (
-            "" if metadata.image_size is None else f", image_size={metadata.image_size}"
-        )
-        state = ", object_state=True" if metadata.object_state else ""
+        more = {
+            name: value
+            for name in (
+                DEPTH,
+                SEGMENTATION,
+                "image_size",
+                "image_sizes",
+                "object_state",
+            )
+            if (value := getattr(metadata, name))
+        }
+        wanted = "".join(f", {name}={value!r}" for name, value in more.items())
         raise PolicyError(
             f"Policy {metadata.name!r} does not fit the environment: {'; '.join(problems)}. One "
-            f"that fits: duobench.make(task, cameras={metadata.cameras}{size}{state}, "
+            f"that fits: duobench.make(task, cameras={metadata.cameras}{wanted}, "
             f"action_mode={metadata.action_mode!r})."
         )
 
 
 def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
-    for camera in metadata.cameras:
-        if camera not in config.cameras:
-            cameras = ", ".join(config.cameras) or "none"
-            yield f"it sees camera {camera!r}, the environment shows {cameras}"
+    yield from _unseen("", metadata.cameras, config.cameras)
+    for kind in (DEPTH, SEGMENTATION):
+        yield from _unseen(
+            f"{kind} of ", getattr(metadata, kind), getattr(config, kind)
+        )
     size = metadata.image_size
     if metadata.cameras and size is not None and size != config.image_size:
         yield f"it sees images of {size}, the environment's are {config.image_size}"
+    for camera, own in metadata.image_sizes.items():
+        found = config.image_sizes.get(camera, config.image_size)
+        if found != own:
+            yield f"it sees images of {own} of {camera!r}, the environment's are {found}"
     if metadata.object_state and not config.object_state:
         yield "it reads the state of the objects, which the environment does not show"
     if config.flat_obs:
@@ -249,3 +284,17 @@ def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
         yield f"its actions are {metadata.action_mode!r}, the environment's {config.action_mode!r}"
     if config.chunk is not None:
         yield "it gives chunks of any length, the environment takes chunks of one length"
+
+
+def _unseen(
+    what: str, wanted: Iterable[str | Camera], shown: Collection[str | Camera]
+) -> Iterator[str]:
+    """Cameras, or something of cameras, that a policy sees and an environment does not show."""
+    names = ", ".join(map(name_of, shown)) or "none"
+    for camera in wanted:
+        if camera not in shown:
+            name = name_of(camera)
+            other = (
+                ", elsewhere or with another lens" if name in names.split(", ") else ""
+            )
+            yield f"it sees {what}camera {name!r}, the environment shows {what}{names}{other}"

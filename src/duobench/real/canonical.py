@@ -5,7 +5,7 @@ Every real image is remapped once to the pinhole of the simulation's camera (740
 of a camera is not changed: where it really is stands in its calibration.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pictures
 
-from duobench.core.backend import Image
+from duobench.core.backend import DEPTH, SEGMENTATION, Image, Wanted
 from duobench.core.errors import BackendError, DataError, OptionError, check_known
 from duobench.core.spatial import SE3
 from duobench.core.types import Array
-from duobench.real.devices import Camera
+from duobench.envs.config import name_of
+from duobench.real.devices import Camera, Depth, Frame
 from duobench.real.rig import CameraCalibration, CameraConfig
 from duobench.world.robot.cameras import (
     CAMERAS,
@@ -109,6 +110,24 @@ class CanonicalView:
         )
         return np.array(picture)
 
+    def depth(self, depth: Depth, shape: tuple[int, int] = NATIVE) -> Depth:
+        """Make the canonical depth of a camera's depth, as a new array.
+
+        A pixel has the depth that was measured nearest to its middle: means of near and far would
+        be where nothing is.
+        """
+        rows, columns = (
+            (np.arange(pixels) + 0.5) / pixels for pixels in shape
+        )  # as shares of the image
+        height, width = self.size if self._map is None else NATIVE
+        part = np.ix_((rows * height).astype(int), (columns * width).astype(int))
+        if self._map is None:
+            return depth[part]
+        places = self._map[part]
+        inside = _inside(places, self.size)
+        x, y = np.rint(np.where(inside[..., None], places, 0.0)).astype(int).T
+        return np.where(inside, depth[y.T, x.T], np.float32(0.0))
+
 
 def _remapped(image: Image, places: _Floats) -> Image:
     try:
@@ -153,19 +172,61 @@ class CanonicalViews:
         self._cameras, self._configs = cameras, configs
         self._views: dict[str, CanonicalView] = {}
 
-    def images(self, names: Iterable[str], shape: tuple[int, int]) -> dict[str, Image]:
-        """Return the latest image of each named camera, as (height, width) in pixels."""
-        found: dict[str, Image] = {}
-        for name in names:
-            check_known("camera of this rig", name, self._cameras)
-            frame = self._cameras[name].latest()
-            if frame is None:
-                raise BackendError(f"The camera {name} has given no image yet.")
-            if name not in self._views:
-                config = self._configs[name]
-                self._views[name] = CanonicalView(name, config.calibration, config.size)
-            found[name] = self._views[name].image(frame.image, shape)
+    def images(self, wanted: Wanted) -> dict[str, dict[str, Any]]:
+        """The latest images by kind and camera; those of a camera are of one frame."""
+        check_seen(wanted, self._configs)
+        names = {str(name) for sizes in wanted.values() for name in sizes}
+        frames = {name: self._cameras[name].latest() for name in names}
+        found: dict[str, dict[str, Any]] = {}
+        for kind, sizes in wanted.items():
+            found[kind] = {
+                str(name): self._seen(kind, str(name), frames[str(name)], size)
+                for name, size in sizes.items()
+            }
         return found
+
+    def _seen(
+        self, kind: str, name: str, frame: Frame | None, size: tuple[int, int]
+    ) -> Any:
+        if frame is None or (kind == DEPTH and frame.depth is None):
+            raise BackendError(f"The camera {name} has given no image yet.")
+        if name not in self._views:
+            config = self._configs[name]
+            self._views[name] = CanonicalView(name, config.calibration, config.size)
+        view = self._views[name]
+        if kind == DEPTH and frame.depth is not None:
+            return view.depth(frame.depth, size)
+        return view.image(frame.image, size)
+
+
+def check_seen(wanted: Wanted, cameras: Mapping[str, CameraConfig]) -> None:
+    """Reject images that the cameras of a rig do not give.
+
+    Raises:
+        UnknownNameError: The rig has no such camera.
+        BackendError: A camera gives no images of that kind.
+    """
+    for kind, sizes in wanted.items():
+        for camera in sizes:
+            name = name_of(camera)
+            if name != camera:
+                raise BackendError(
+                    f"The camera {name!r} is of a simulation alone; this rig has "
+                    f"{', '.join(cameras) or 'none'}."
+                )
+            check_known("camera of this rig", name, cameras)
+            if kind == SEGMENTATION:
+                raise BackendError(
+                    "Which part of the scene a pixel shows is known to a simulation alone; a rig "
+                    "gives images and depth."
+                )
+            if kind == DEPTH and not cameras[name].depth:
+                able = [each for each, config in cameras.items() if config.depth]
+                raise BackendError(
+                    f"The camera {name} of this rig gives no depth; {', '.join(able) or 'none'} "
+                    "does. A ZED Mini gives colour alone; for a RealSense camera set `depth` to "
+                    "true in the rig's file."
+                )
 
 
 def view_of(camera: str, about: Mapping[str, Any]) -> "View":

@@ -7,7 +7,7 @@ it as `module:NAME`.
 from dataclasses import dataclass
 from typing import Any
 
-from duobench.core.errors import check_known
+from duobench.core.errors import OptionError, check_known
 from duobench.core.references import load
 from duobench.world.robot.gripper import GRIPPER
 
@@ -29,11 +29,14 @@ class Driver:
     """Names by which pip knows the libraries that it needs."""
     is_computed: bool = False
     """Whether it drives no hardware, so that its time may be computed too."""
+    has_depth: bool = False
+    """Whether a camera may measure depth."""
 
 
 _REHEARSAL = Driver(
     path="duobench.real.drivers.rehearsal:Rehearsal",
     is_computed=True,
+    has_depth=True,
 )
 DRIVERS: dict[str, dict[str, Driver]] = {
     "arms": {
@@ -54,6 +57,7 @@ DRIVERS: dict[str, dict[str, Driver]] = {
         "realsense": Driver(
             path="duobench.real.drivers.realsense:RealSenseCamera",
             packages=("pyrealsense2",),
+            has_depth=True,
         ),
         "uvc": Driver(path="duobench.real.drivers.uvc:UvcCamera"),
         "file": Driver(
@@ -83,6 +87,20 @@ def check_driver(
     """
     if ":" not in name:
         check_known(place, name, [*DRIVERS[part], OWN])
+
+
+def check_depth(name: str, place: str) -> None:
+    """Reject depth of a camera whose driver measures none; `module:NAME` is believed.
+
+    Raises:
+        OptionError: It measures none.
+    """
+    rows = DRIVERS["cameras"]
+    if name in rows and not rows[name].has_depth:
+        known = " and ".join(each for each, row in rows.items() if row.has_depth)
+        raise OptionError(
+            f"{place}.depth: the driver {name} gives colour alone; depth is measured by {known}."
+        )
 
 
 def load_driver(part: str, name: str) -> Any:

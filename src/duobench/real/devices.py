@@ -12,9 +12,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from duobench.core.backend import Image
 from duobench.core.types import Array
 from duobench.results.labels import Fault
+
+Depth = NDArray[np.float32]
+"""Distances along the optical axis (height, width) in metres, 0 where it is not known."""
 
 
 @dataclass(
@@ -141,6 +147,8 @@ class Frame:
     """Time at which it was taken, on the rig's clock."""
     image: Image
     """Red, green, blue (720, 1280, 3), not rectified."""
+    depth: Depth | None = None
+    """Depth (720, 1280) of what each pixel of the image shows; None from a camera without."""
 
 
 class Camera(Device, Protocol):

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from duobench.core.backend import Image
+from duobench.core.backend import RGB, AnyCamera, CameraGeometry, Image, Sizes, Wanted
 from duobench.core.errors import ActionError, BackendError, escaped
+from duobench.core.spatial import SE3
 from duobench.core.types import SIDES, Array, DuoCommand, DuoState, Side
 from duobench.real.canonical import CanonicalViews
 from duobench.real.clock import Clock
@@ -28,11 +29,13 @@ from duobench.real.follower import PERIOD, paced
 from duobench.real.guard import Guard
 from duobench.real.hands import OPEN, GripperPair
 from duobench.real.mounts import SWAPPED, are_swapped
-from duobench.real.rig import Rig
+from duobench.real.rig import UNPOSED, Rig
 from duobench.real.supervisor import HELD, State, Supervisor
 from duobench.real.watchdog import Watchdog
 from duobench.real.way_home import path_home, points
 from duobench.results.labels import Fault, FaultKind
+from duobench.world.robot.camera_geometry import geometries, geometry, mount_pose
+from duobench.world.robot.cameras import CAMERAS, MUJOCO_FROM_OPENCV
 from duobench.world.robot.frames import tcp_poses
 from duobench.world.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits
 
@@ -455,7 +458,7 @@ class FrankaDuo:
         return self._watchdog.image_ages()
 
     def images(
-        self, cameras: Sequence[str], shape: tuple[int, int]
+        self, cameras: Sequence[str | AnyCamera], shape: tuple[int, int]
     ) -> dict[str, Image]:
         """The latest image of each of some cameras, as the simulation's camera would see it.
 
@@ -463,7 +466,29 @@ class FrankaDuo:
             UnknownNameError: The rig has no such camera.
             BackendError: A camera has given no image yet.
         """
-        return self._views.images(cameras, shape)
+        wanted = {RGB: dict.fromkeys(cameras, shape)}
+        return self._views.images(wanted)[RGB]
+
+    def images_by_kind(self, wanted: Wanted) -> dict[str, dict[str, Any]]:
+        """Latest images of several kinds, as the simulation's cameras would see them.
+
+        Raises:
+            UnknownNameError: The rig has no such camera.
+            BackendError: A camera gives no images of that kind, or has given none yet.
+        """
+        return self._views.images(wanted)
+
+    def camera_geometry(self, sizes: Sizes) -> dict[str, CameraGeometry]:
+        """Lens of canonical images, and place of each camera as it was measured, or is built."""
+        tools = self.read().tcp_poses
+        found = geometries(sizes, tools)
+        for name, each in found.items():
+            measured = self.rig.cameras[name].calibration
+            if measured is not None and measured.pose != UNPOSED:
+                pose = SE3.from_tquat(np.array(measured.pose))
+                mount = mount_pose(CAMERAS[name].arm, tools)
+                found[name] = geometry(each.matrix, mount @ pose @ MUJOCO_FROM_OPENCV)
+        return found
 
     def _measure(self) -> None:
         readings, grippers = self.readings(), self.gripper_readings()

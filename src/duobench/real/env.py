@@ -22,6 +22,7 @@ from duobench.envs.config import (
 from duobench.envs.duo_env import DuoEnv, DuoWrapper, Info, Observation
 from duobench.envs.episode_wrappers import Judge, TaskStages
 from duobench.envs.protocol import stack_on
+from duobench.real.canonical import check_seen
 from duobench.real.duo import FrankaDuo
 from duobench.real.judge import HumanJudge
 from duobench.real.opening import open_rig
@@ -94,7 +95,8 @@ class RealEnv(DuoEnv):
         if self.prepare is not None:
             self.prepare(options)
         if self.config is not None:
-            self.rig.see(self.config.cameras)
+            seen = self.config.wanted.values()
+            self.rig.see({str(name) for sizes in seen for name in sizes})
         if self.rig.guard is not None:
             self.rig.guard.set_scene(task.props, self.layout)
         self.rig.home()
@@ -166,7 +168,7 @@ def make_real_env(
     Raises:
         UnknownNameError: There is no such task, option, camera or mode.
         OptionError: A value is invalid, or asks for what only a simulation has.
-        BackendError: A device cannot be reached.
+        BackendError: A device cannot be reached, or a camera gives no such images.
     """
     duo = rig if isinstance(rig, FrankaDuo) else open_rig(rig)
     definition = cast("Task", catalog.get(task))
@@ -179,8 +181,7 @@ def make_real_env(
         raise OptionError(
             "Object states, `render` and shifts need a simulation; leave them out."
         )
-    for name in config.cameras:
-        check_known("camera of this rig", name, duo.cameras)
+    check_seen(config.wanted, duo.rig.cameras)
     horizon = config.horizon or definition.horizon
     if horizon != definition.horizon:
         definition = replace(definition, horizon=horizon)

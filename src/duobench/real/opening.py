@@ -19,7 +19,7 @@ from duobench.real.rig import (
     GripperConfig,
     Rig,
 )
-from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.cameras import CAMERAS, D405
 
 REHEARSAL_SIZE = (180, 320)
 """Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
@@ -49,12 +49,17 @@ def rehearsal_rig() -> Rig:
         )
         for side in SIDES
     }
-    camera = CameraConfig(driver=REHEARSAL, size=REHEARSAL_SIZE)
+    cameras = {
+        camera.name: CameraConfig(
+            driver=REHEARSAL, size=REHEARSAL_SIZE, depth=camera.kind == D405
+        )
+        for camera in CAMERAS.values()
+    }
     return Rig(
         name="rehearsal",
         arms=arms,
         grippers={side: GripperConfig(driver=REHEARSAL, port=side) for side in SIDES},
-        cameras=dict.fromkeys(POLICY_CAMERAS, camera),
+        cameras=cameras,
     )
 
 

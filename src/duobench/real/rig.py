@@ -24,6 +24,7 @@ from duobench.real.catalog import (
     DRIVERS,
     FRANKY,
     HARDWARE_GRIPPER,
+    check_depth,
     check_driver,
     is_computed,
 )
@@ -237,6 +238,8 @@ class CameraConfig:
     """Exposure in microseconds; None leaves it to the camera, which varies it."""
     gain: float | None = None
     """Gain in the camera's units."""
+    depth: bool = False
+    """Whether it measures depth too, as a D405 can; that is twice the data."""
     calibration: CameraCalibration | None = None
     """Lens and mount; None until they were measured."""
 
@@ -301,6 +304,8 @@ class Rig:
                 )
         for part, name, device in self.devices():
             check_driver(part, device.driver, f"{part}.{name}.driver")
+            if isinstance(device, CameraConfig) and device.depth:
+                check_depth(device.driver, f"{part}.{name}")
         self._check_places()
         self.check_computed(own=False)
 

@@ -25,7 +25,12 @@ from duobench.results.labels import REACTION_S
 from duobench.results.records import InvalidTrial, Key, Record
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, TaskResult
-from duobench.results.suite import execute_text, latency_text, suite_text
+from duobench.results.suite import (
+    execute_text,
+    extra_sensing,
+    latency_text,
+    suite_text,
+)
 from duobench.web.page import EpisodeReplay, replay_fragment
 
 PAGE = "index.html"
@@ -126,7 +131,7 @@ def identity(part: RunPart) -> Facts:
     indices = f"number {first}" if first == last else f"numbers {first}–{last}"
     height, width = config.image_size
     images = (
-        f"{', '.join(config.cameras)}, {width} × {height} pixels"
+        f"{', '.join(config.camera_names)}, {width} × {height} pixels"
         if config.cameras
         else "none"
     )
@@ -144,13 +149,14 @@ def identity(part: RunPart) -> Facts:
         "Its version": policy.version or UNKNOWN,
         "Trained on": candidate.trained_on,
         "Rig": rig_text(part.records) if run.is_real else "",
-        "Suite": f"{suite_text(suite)}, version {suite.version}, layouts of the split "
+        "Suite": f"{suite_text(suite, config)}, version {suite.version}, layouts of the split "
         f"{config.split}",
         "Tasks": ", ".join(task.id for task in suite.tasks),
         "Episodes": f"{indices}, {suite.episodes} of each task",
         "Look": "" if run.is_real else suite.look,
         "Shift": "" if run.is_real else str(part.condition.shift),
         "Cameras": images,
+        "Beyond the robot's images": extra_sensing(config),
         "Other observations": f"joints, openings, tool poses{objects}",
         "Action mode": config.action_mode,
         "Chunk": "of varying or unknown length" if policy.horizon is None else actions,

@@ -15,7 +15,7 @@ from duobench.results.statistics import (
     newcombe_interval,
     tango_interval,
 )
-from duobench.results.suite import execute_text, latency_text
+from duobench.results.suite import execute_text, extra_sensing, latency_text
 from duobench.world.looks.look import Look
 
 Pairs = list[tuple[Record, Record]]
@@ -315,6 +315,11 @@ def _differing_conditions(a: RunPart, b: RunPart) -> list[str]:
         if (ours := getattr(a.candidate.config, name))
         != (theirs := getattr(b.candidate.config, name))
     ]
+    sensing = [extra_sensing(each.candidate.config) for each in (a, b)]
+    if sensing[0] != sensing[1]:
+        found.append(
+            f"seen beyond the robot's images {' and '.join(s or 'nothing' for s in sensing)}"
+        )
     if a.suite.execution.latency != b.suite.execution.latency:
         found.append(f"{latency_text(a.suite)} and {latency_text(b.suite)}")
     if a.suite.execution.execute != b.suite.execution.execute:

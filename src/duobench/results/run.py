@@ -156,9 +156,12 @@ def needed_options(policy: PolicyMetadata) -> dict[str, Any]:
     """Options that a policy needs of its environments: fields of `EnvConfig` by their names."""
     return {
         "cameras": policy.cameras,
+        "depth": policy.depth,
+        "segmentation": policy.segmentation,
         "object_state": policy.object_state,
         "action_mode": policy.action_mode,
         "image_size": policy.image_size or IMAGE_SIZE,
+        "image_sizes": policy.image_sizes,
     }
 
 
@@ -188,8 +191,10 @@ class Candidate:
 
     @property
     def privileged(self) -> bool:
-        """Whether it knows what no camera sees: numbers of the objects, or the simulation."""
-        return self.metadata.object_state or reads_simulation(self.policy)
+        """Whether it knows what no camera sees: what objects are where, or the simulation."""
+        metadata = self.metadata
+        sees_parts = metadata.object_state or bool(metadata.segmentation)
+        return sees_parts or reads_simulation(self.policy)
 
     @property
     def name(self) -> str:

@@ -11,11 +11,13 @@ from dataclasses import dataclass, replace
 
 from duobench.core.errors import EvaluationError, OptionError, check_known
 from duobench.core.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
+from duobench.envs.config import EnvConfig
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.tasks import catalog
 from duobench.tasks.shifts.levels import latency_steps
 from duobench.tasks.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
 from duobench.world.looks import catalog as looks
+from duobench.world.robot.cameras import Camera
 
 CUSTOM = "custom"
 """Name of a suite with options of the user's own."""
@@ -295,8 +297,21 @@ class SuiteChoice:
         )
 
 
-def deviations(suite: Suite) -> list[str]:
-    """Differences of a suite from the suite of its name, one phrase each.
+def extra_sensing(config: EnvConfig) -> str:
+    """What a policy sees beyond images of the robot's cameras, in words; empty for nothing."""
+    own = [camera.name for camera in config.cameras if isinstance(camera, Camera)]
+    extra = {
+        "cameras of its own": own,
+        "depth": config.depth,
+        "segmentation": config.segmentation,
+    }
+    return " and ".join(
+        f"{what} ({', '.join(names)})" for what, names in extra.items() if names
+    )
+
+
+def deviations(suite: Suite, config: EnvConfig) -> list[str]:
+    """Differences from the suite of its name, one phrase each, also in what a policy sees.
 
     Empty for a revision that this version does not know.
     """
@@ -315,15 +330,16 @@ def deviations(suite: Suite) -> list[str]:
         != named.execution.execute,
         " and ".join(map(str, suite.shifts)): not {*suite.shifts} <= {*named.shifts},
         latency_text(suite): suite.execution.latency != named.execution.latency,
+        extra_sensing(config): extra_sensing(config) != "",
     }
     return [phrase for phrase, differs in differing.items() if differs]
 
 
-def suite_text(suite: Suite) -> str:
+def suite_text(suite: Suite, config: EnvConfig) -> str:
     """Name and version of a suite for people, with how it differs from what the name stands for."""
     if suite.name == CUSTOM:
         return CUSTOM
-    differing = deviations(suite)
+    differing = deviations(suite, config)
     return f"{suite.label} with {', '.join(differing)}" if differing else suite.label
 
 

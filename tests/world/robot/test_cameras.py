@@ -15,7 +15,7 @@ from duobench.world.robot.cameras import (
     MUJOCO_FROM_OPENCV,
     OVERVIEW,
     POLICY_CAMERAS,
-    Camera,
+    RobotCamera,
     describe_cameras,
 )
 from duobench.world.scene.naming import flange_name
@@ -41,7 +41,7 @@ def test_the_model_has_the_described_cameras_and_that_for_people(sim: Simulation
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-def test_lens_and_place_are_those_of_the_model(sim: Simulation, camera: Camera) -> None:
+def test_lens_and_place_are_those_of_the_model(sim: Simulation, camera: RobotCamera) -> None:
     made = sim.model.camera(camera.name)
     height, width = camera.size
     assert sim.model.cam_resolution[made.id].tolist() == [width, height]
@@ -57,7 +57,7 @@ def test_lens_and_place_are_those_of_the_model(sim: Simulation, camera: Camera) 
 
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-def test_real_images_are_made_like_the_described_ones(camera: Camera) -> None:
+def test_real_images_are_made_like_the_described_ones(camera: RobotCamera) -> None:
     assert focal_of(camera.name) == camera.focal
     expected = (camera.pose @ MUJOCO_FROM_OPENCV).tquat
     assert nominal_pose(camera.name).tquat == pytest.approx(expected)

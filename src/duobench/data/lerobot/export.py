@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from duobench.core.backend import Image
+from duobench.core.backend import DEPTH, RGB, CameraGeometry
 from duobench.core.errors import (
     DataError,
     OtherRunError,
@@ -32,7 +32,7 @@ from duobench.core.processes import Progress, run_all
 from duobench.core.randomness import EVAL, SUITE_VERSION, look_number
 from duobench.core.types import CONTROL_HZ, Array
 from duobench.core.versions import package_versions
-from duobench.core.video import AV1, VideoWriter
+from duobench.core.video import AV1, HEVC12, Frame, VideoWriter
 from duobench.data.dataset import DataSet
 from duobench.data.images import (
     ImageSource,
@@ -42,14 +42,17 @@ from duobench.data.images import (
     plain_view,
 )
 from duobench.data.lerobot.actions import labels_of
+from duobench.data.lerobot.depth import encoded
 from duobench.data.lerobot.folder import (
     FPS,
+    POSE,
     SCHEMA,
     EpisodeFacts,
     Export,
     ExportFolder,
     Residual,
     SourceEpisode,
+    Vectors,
     schema,
 )
 from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
@@ -57,6 +60,7 @@ from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
 from duobench.envs.action_modes import CARTESIAN, JOINT
+from duobench.envs.config import name_of
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import RANDOM
 from duobench.world.robot.cameras import describe_cameras
@@ -228,7 +232,7 @@ def _own_look(
 ) -> str | None:
     """The look of an episode where each has its own; None where it has that of all, or videos."""
     info, number = recording.info, options.look_numbers
-    if number is None or info.is_real or not options.cameras:
+    if number is None or info.is_real or not options.seen:
         return None
     return f"{RANDOM}{look_number(info.task, info.seed, path.name, number)}"
 
@@ -253,13 +257,13 @@ def _export_all(
         (folder, index): episode
         for folder, export in plans.items()
         for index, episode in enumerate(export.episodes)
-        if not folder.is_finished(index, export.options.cameras)
+        if not folder.is_finished(index, export.options.videos)
     }
     total = sum(export.frames for export in plans.values())
     done = total - sum(episode.length for episode in jobs.values())
     progress(done, total)
     if any(
-        plans[folder].options.cameras and episode.domain is Domain.SIM
+        plans[folder].options.seen and episode.domain is Domain.SIM
         for (folder, _), episode in jobs.items()
     ):
         rendering.choose(processes=max(1, workers))
@@ -303,7 +307,12 @@ def _check(
             raise DataError(
                 f"{path}: where the objects were on the real table is not known."
             )
-        check_cameras(recording, path, options.cameras)
+        if options.depth or options.geometry:
+            raise DataError(
+                f"{path} was recorded on real arms, as videos alone: neither depth nor where "
+                "cameras were is known of its rows. Export the domain sim alone."
+            )
+        check_cameras(recording, path, [name_of(each) for each in options.cameras])
 
 
 def _exporter(
@@ -311,8 +320,14 @@ def _exporter(
 ) -> Callable[[_Job], _Job]:
     """Exporter of one episode after the other; it keeps the model of a task."""
     options = next(iter(plans.values())).options
+    depth_of = options.depth_of
     source_of = lru_cache(maxsize=1)(
-        partial(ImageSource, cameras=options.cameras, size=options.size)
+        partial(
+            ImageSource,
+            cameras=options.cameras,
+            size=options.size,
+            depth=list(depth_of.values()),
+        )
     )
 
     def export_one(job: _Job) -> _Job:
@@ -327,70 +342,109 @@ def _exporter(
             )
         actions, residual = labels_of(recording, options.action, options.action_source)
         columns = _rows(recording, actions, export, index)
-        counts = {camera: no_counts() for camera in options.cameras}
+        counts = no_counts(options)
         shown = range(options.pairing.offset, options.pairing.offset + len(recording))
-        if options.cameras:
-            paths = {camera: folder.video(camera, index) for camera in options.cameras}
+        source = None
+        if not recording.info.is_real and (options.seen or options.object_state):
+            source = source_of(sources[episode.data_set].reference(recording.info))
+            source.set_look(episode.look or options.look)
+        if options.videos:
+            paths = {name: folder.video(name, index) for name in options.videos}
             with ExitStack() as ending:
-                if recording.info.is_real:
+                if source is None:
                     recorded = RecordedImages(
-                        recording, path, options.cameras, options.size, view_of
+                        recording,
+                        path,
+                        list(options.videos),
+                        options.size,
+                        view_of,
                     )
                     images = ending.enter_context(closing(recorded)).images
                 else:
-                    source = source_of(
-                        sources[episode.data_set].reference(recording.info)
-                    )
-                    source.set_look(episode.look or options.look)
-                    images = partial(source.images, recording)
-                write_videos(_frames(images, shown, counts), paths)
-        if OBJECT_STATE in export.vectors:
-            source = source_of(sources[episode.data_set].reference(recording.info))
+                    images = partial(_seen, source, depth_of, recording)
+                write_videos(_frames(images, shown, counts), paths, depth_of)
+        if source is not None and OBJECT_STATE in export.vectors:
             columns[OBJECT_STATE] = np.array(
                 [source.objects(recording, row) for row in shown]
             )
+        cameras = {}
+        if source is not None and options.geometry:
+            placed = [source.geometry(recording, row) for row in shown]
+            cameras = _described(placed, columns, export.vectors)
         described = schema(export.vectors, options.format)
         arrays = [to_arrow(columns[name]) for name in described.names]
         check_there(folder.meta)
         write(
             folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=described))
         )
-        noted = {camera: values.tolist() for camera, values in counts.items()}
-        sizes = folder.sizes(index, options.cameras)
-        facts = EpisodeFacts(counts=noted, residual=residual, sizes=sizes)
+        facts = EpisodeFacts(
+            counts={name: values.tolist() for name, values in counts.items()},
+            residual=residual,
+            sizes=folder.sizes(index, options.videos),
+            cameras=cameras,
+        )
         write(folder.facts(index), encode(facts, SCHEMA))
         return job
 
     return export_one
 
 
+def _seen(
+    source: ImageSource, depth_of: Mapping[str, str], recording: Recording, row: int
+) -> dict[str, Frame]:
+    """Frames of a row by the names of their videos: images, and codes of depth."""
+    images = source.images_by_kind(recording, row)
+    codes = {name: encoded(images[DEPTH][of]) for name, of in depth_of.items()}
+    return {**images.get(RGB, {}), **codes}
+
+
+def _described(
+    placed: Sequence[Mapping[str, CameraGeometry]],
+    columns: dict[str, NDArray[Any]],
+    vectors: Vectors,
+) -> dict[str, dict[str, Any]]:
+    """Describe cameras whose place is known in each row, and add a column for each that moves."""
+    cameras: dict[str, dict[str, Any]] = {}
+    for name, first in placed[0].items():
+        pose: Any = first.table_from_camera.tolist()
+        poses = np.array([each[name].table_from_camera.ravel() for each in placed])
+        if f"{POSE}{name}" in vectors:
+            pose = f"{POSE}{name}"
+            columns[pose] = poses.astype(np.float32)
+        cameras[name] = {"matrix": first.matrix.tolist(), "table_from_camera": pose}
+    return cameras
+
+
 def _frames(
-    images_of: Callable[[int], dict[str, Image]],
+    frames_of: Callable[[int], Mapping[str, Frame]],
     rows: Iterable[int],
     counts: dict[str, Counts],
-) -> Iterator[dict[str, Image]]:
-    """The images of rows, whose values are counted."""
+) -> Iterator[Mapping[str, Frame]]:
+    """The frames of rows, whose values are counted."""
     for row in rows:
-        images = images_of(row)
-        for camera, image in images.items():
-            count_values(counts[camera], image)
-        yield images
+        frames = frames_of(row)
+        for name, frame in frames.items():
+            count_values(counts[name], frame)
+        yield frames
 
 
 def write_videos(
-    frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path]
+    frames: Iterable[Mapping[str, Frame]],
+    paths: Mapping[str, Path],
+    depths: Collection[str] = (),
 ) -> None:
-    """Encode one video a camera side by side; each is whole or absent after a kill."""
+    """Encode videos side by side, some of depth; each is whole or absent after a kill."""
     with ExitStack() as stack:
         writers = {}
-        for camera, path in paths.items():
+        for name, path in paths.items():
             temporary = stack.enter_context(replacing(path))
-            writers[camera] = stack.enter_context(
-                closing(VideoWriter(temporary, AV1, FPS))
+            codec = HEVC12 if name in depths else AV1
+            writers[name] = stack.enter_context(
+                closing(VideoWriter(temporary, codec, FPS))
             )
-        for images in frames:
-            for camera, writer in writers.items():
-                writer.add(images[camera])
+        for row in frames:
+            for name, writer in writers.items():
+                writer.add(row[name])
 
 
 def _rows(

@@ -22,17 +22,22 @@ from duobench.core.lerobot_keys import (
     STATE,
 )
 from duobench.core.types import CONTROL_HZ
-from duobench.core.video import AV1
+from duobench.core.video import AV1, HEVC12
+from duobench.data.lerobot import depth
 from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
 from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
+from duobench.world.robot.camera_geometry import named
 
 SCHEMA = 3
 """Version of `Export` and `EpisodeFacts`."""
 CHUNK_SIZE = 1000
 """Files in one folder; fixed by the format's default."""
 FPS = int(CONTROL_HZ)
+POSE = "table_from_camera."
+"""Prefix of the columns of poses of cameras that move, in the table frame: (4, 4), row by row."""
+_CELLS = tuple(f"{row}{column}" for row in range(4) for column in range(4))
 Vectors = Mapping[str, Sequence[str]]
 """Names of the numbers of each column that holds several in a row, by the name of the column."""
 _SCALARS = {
@@ -97,7 +102,11 @@ class Export:
         objects = (
             {OBJECT_STATE: self.object_state_names} if self.object_state_names else {}
         )
-        return vectors | objects
+        seen = map(named, self.options.seen if self.options.geometry else ())
+        poses = {
+            f"{POSE}{camera.name}": _CELLS for camera in seen if camera.arm is not None
+        }
+        return vectors | objects | poses
 
     @property
     def tasks(self) -> list[str]:
@@ -165,10 +174,12 @@ class EpisodeFacts:
     """Facts about a finished episode, beside its files."""
 
     counts: dict[str, list[list[int]]]
-    """Histograms of the values of each channel (3, 256), by camera."""
+    """Histograms of the values of each channel (3, 256), by camera; of codes of depth (1, 4096)."""
     residual: Residual | None
     sizes: dict[str, int] = field(default_factory=dict[str, int])
     """Bytes of each of its files, by its name from the folder of the export."""
+    cameras: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """The `matrix` of each camera, and `table_from_camera`: a pose, or the column of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,24 +202,24 @@ class ExportFolder:
         """Numbers of an episode."""
         return self.path / self.format.paths[0].format(**_numbers(index))
 
-    def video(self, camera: str, index: int) -> Path:
-        """Images of an episode."""
-        key = image_key(camera)
+    def video(self, name: str, index: int) -> Path:
+        """Images of an episode by a camera, or their depth."""
+        key = image_key(name)
         return self.path / self.format.paths[1].format(video_key=key, **_numbers(index))
 
-    def sizes(self, index: int, cameras: Iterable[str]) -> dict[str, int]:
+    def sizes(self, index: int, videos: Iterable[str]) -> dict[str, int]:
         """Bytes of each file of an episode that is there, by its name."""
-        paths = (self.data(index), *(self.video(camera, index) for camera in cameras))
+        paths = (self.data(index), *(self.video(name, index) for name in videos))
         return {
             path.relative_to(self.path).as_posix(): path.stat().st_size
             for path in paths
             if path.exists()
         }
 
-    def is_finished(self, index: int, cameras: Iterable[str]) -> bool:
+    def is_finished(self, index: int, videos: Iterable[str]) -> bool:
         """Whether every file of an episode is there, and whole."""
         is_noted = self.facts(index).exists()
-        return is_noted and self.read_facts(index).sizes == self.sizes(index, cameras)
+        return is_noted and self.read_facts(index).sizes == self.sizes(index, videos)
 
     def begin(self, export: Export) -> None:
         """Begin an export in this folder, or continue the one that is there."""
@@ -224,8 +235,8 @@ class ExportFolder:
         )
         remove_temporary(self.path)
         numbers = range(len(export.episodes))
-        cameras = export.options.cameras
-        known = {self.video(camera, index) for camera in cameras for index in numbers}
+        videos = export.options.videos
+        known = {self.video(name, index) for name in videos for index in numbers}
         known |= {
             each for index in numbers for each in (self.data(index), self.facts(index))
         }
@@ -278,28 +289,29 @@ def columns(vectors: Vectors) -> tuple[str, ...]:
     return *vectors, *_SCALARS
 
 
-def image_key(camera: str) -> str:
-    """Name of a camera's images."""
-    return f"{IMAGE_PREFIX}{camera}"
+def image_key(name: str) -> str:
+    """Name of a camera's images, or of their depth."""
+    return f"{IMAGE_PREFIX}{name}"
 
 
 def describe(
-    vectors: Vectors, cameras: Sequence[str], size: tuple[int, int]
+    export: Export, cameras: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, dict[str, Any]]:
-    """All features, as `meta/info.json` lists them; `size` is height and width in pixels."""
+    """All features, as `meta/info.json` lists them; `cameras` are those of `EpisodeFacts`."""
     numbers = {
         column: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
-        for column, names in vectors.items()
+        for column, names in export.vectors.items()
     }
-    images = {
-        image_key(camera): {
+    images = {}
+    for name, size in export.options.videos.items():
+        camera = export.options.depth_of.get(name)
+        about = _describe_video(size) if camera is None else _describe_depth(size)
+        images[image_key(name)] = {
             "dtype": "video",
-            "shape": [*size, 3],
+            "shape": [*size, about["video.channels"]],
             "names": ["height", "width", "channels"],
-            "info": _describe_video(size),
+            "info": {**about, **cameras.get(camera or name, {})},
         }
-        for camera in cameras
-    }
     scalars = {
         name: {"dtype": dtype, "shape": [1], "names": None}
         for name, dtype in _SCALARS.items()
@@ -324,6 +336,19 @@ def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
         "video.video_backend": "pyav",
         "video.extra_options": {},
         "is_depth_map": False,
+    }
+
+
+def _describe_depth(size: tuple[int, int]) -> dict[str, Any]:
+    return {
+        **_describe_video(size),
+        "video.codec": "hevc",
+        "video.pix_fmt": HEVC12.pixel_format,
+        "video.channels": 1,
+        "video.crf": None,
+        "video.preset": HEVC12.options["preset"],
+        "video.extra_options": {"x265-params": "lossless=1"},
+        **depth.INFO,
     }
 
 

@@ -13,11 +13,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from duobench.core.backend import Image
 from duobench.core.errors import DataError
 from duobench.core.files import write
 from duobench.core.types import CONTROL_HZ, Array
-from duobench.data.lerobot import v21
+from duobench.core.video import Frame
+from duobench.data.lerobot import depth, v21
 from duobench.data.lerobot.folder import (
     CHUNK_SIZE,
     FPS,
@@ -29,7 +29,7 @@ from duobench.data.lerobot.folder import (
     describe,
     image_key,
 )
-from duobench.data.lerobot.options import Format
+from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.recording import to_bytes, to_numpy
 
 ROBOT = "franka_fr3_duo"
@@ -42,7 +42,7 @@ LEVELS = 256
 CHANNELS = 3
 
 Counts = NDArray[np.int64]
-"""Histogram of the values of each channel (3, 256)."""
+"""Histogram of the values of each channel (3, 256), or of the codes of depth (1, 4096)."""
 Statistics = dict[str, Array]
 """Statistics of one feature by name."""
 _Lists = dict[str, dict[str, list[Any]]]
@@ -51,18 +51,20 @@ _Lists = dict[str, dict[str, list[Any]]]
 
 def finish(folder: ExportFolder, export: Export) -> list[Residual]:
     """Describe the data set as a whole, whose episodes are all finished; give their residuals."""
-    cameras = export.options.cameras
+    videos = export.options.videos
     names = columns(export.vectors)
     read: list[dict[str, NDArray[Any]]] = []
-    counts = {camera: no_counts() for camera in cameras}
+    counts = no_counts(export.options)
     residuals: list[Residual] = []
     numbers: list[_Lists] = []
+    cameras: dict[str, Any] = {}
     for index, source in enumerate(export.episodes):
         facts = folder.read_facts(index)
         read.append(_read(folder, index, source.length, names))
-        of_images = {camera: np.array(facts.counts[camera]) for camera in cameras}
-        for camera, values in of_images.items():
-            counts[camera] += values
+        of_images = {name: np.array(facts.counts[name]) for name in videos}
+        for name, values in of_images.items():
+            counts[name] += values
+        cameras = cameras or facts.cameras
         if facts.residual is not None:
             residuals.append(facts.residual)
         numbers.append(_statistics(read[-1], of_images))
@@ -79,7 +81,7 @@ def finish(folder: ExportFolder, export: Export) -> list[Residual]:
         )
         write(folder.meta / "episodes/chunk-000/file-000.parquet", to_bytes(table))
     write(
-        folder.meta / "info.json", as_json(_info(export))
+        folder.meta / "info.json", as_json(_info(export, cameras))
     )  # last: it says that all is there
     return residuals
 
@@ -105,8 +107,8 @@ def _statistics(
     rows: Mapping[str, NDArray[Any]], counts: Mapping[str, Counts]
 ) -> _Lists:
     features = {name: of_rows(values) for name, values in rows.items()}
-    for camera, values in counts.items():
-        features[image_key(camera)] = of_counts(values, len(rows["index"]))
+    for name, values in counts.items():
+        features[image_key(name)] = of_counts(values, len(rows["index"]))
     return {
         feature: {name: value.tolist() for name, value in numbers.items()}
         for feature, numbers in features.items()
@@ -132,8 +134,8 @@ def _episode(
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
     }
-    for camera in export.options.cameras:
-        prefix = f"videos/{image_key(camera)}"
+    for name in export.options.videos:
+        prefix = f"videos/{image_key(name)}"
         row |= {
             f"{prefix}/chunk_index": chunk,
             f"{prefix}/file_index": file,
@@ -175,27 +177,27 @@ def _tasks(instructions: list[str]) -> pa.Table:
     )
 
 
-def _info(export: Export) -> dict[str, Any]:
+def _info(export: Export, cameras: Mapping[str, Any]) -> dict[str, Any]:
     episodes, options = len(export.episodes), export.options
     about = {"data_files_size_in_mb": DATA_MB, "video_files_size_in_mb": VIDEO_MB}
     if options.format is Format.V21:
         chunks = -(-episodes // CHUNK_SIZE)
         about = {
-            "total_videos": episodes * len(options.cameras),
+            "total_videos": episodes * len(options.videos),
             "total_chunks": chunks,
         }
     data_path, video_path = options.format.paths
     return {
         "codebase_version": options.format,
         "fps": FPS,
-        "features": describe(export.vectors, options.cameras, options.size),
+        "features": describe(export, cameras),
         "total_episodes": episodes,
         "total_frames": export.frames,
         "total_tasks": len(export.tasks),
         "chunks_size": CHUNK_SIZE,
         **about,
         "data_path": data_path,
-        "video_path": video_path if options.cameras else None,
+        "video_path": video_path if options.videos else None,
         "robot_type": ROBOT,
         "splits": {"train": f"0:{episodes}"},
     }
@@ -215,30 +217,43 @@ def of_rows(rows: NDArray[Any]) -> Statistics:
     return numbers | dict(zip(QUANTILES, quantiles, strict=True))
 
 
-def no_counts() -> Counts:
-    """Counts of no image."""
-    return np.zeros((CHANNELS, LEVELS), dtype=np.int64)
+def no_counts(options: ExportOptions) -> dict[str, Counts]:
+    """Counts of no image, for each video by its name."""
+    of_depth = 1, depth.CODES
+    return {
+        name: np.zeros(
+            of_depth if name in options.depth_of else (CHANNELS, LEVELS), dtype=np.int64
+        )
+        for name in options.videos
+    }
 
 
-def count_values(counts: Counts, image: Image) -> None:
-    """Add an image (height, width, 3) to counts, in place."""
-    for channel in range(CHANNELS):
-        counts[channel] += np.bincount(image[..., channel].ravel(), minlength=LEVELS)
+def count_values(counts: Counts, image: Frame) -> None:
+    """Add an image (height, width, 3), or codes of depth (height, width), to counts, in place."""
+    channels, levels = counts.shape
+    values = image.reshape(-1, channels)
+    for channel in range(channels):
+        counts[channel] += np.bincount(values[:, channel], minlength=levels)
 
 
 def of_counts(counts: Counts, frames: int) -> Statistics:
-    """Statistics (3, 1, 1) of the counted images with channels in [0, 1], equal to NumPy's."""
-    channels = [_of_channel(each) for each in counts]
+    """Statistics (3, 1, 1) of the counted images with channels in [0, 1], equal to NumPy's.
+
+    Those of depth are (1, 1, 1), in metres.
+    """
+    is_depth = counts.shape[1] == depth.CODES
+    values = depth.metres() if is_depth else np.arange(LEVELS) / (LEVELS - 1)
+    channels = [_of_channel(each, values) for each in counts]
     numbers = {
-        name: np.array([each[name] for each in channels]).reshape(CHANNELS, 1, 1)
+        name: np.array([each[name] for each in channels]).reshape(-1, 1, 1)
         for name in channels[0]
     }
     return numbers | {"count": np.array([frames])}
 
 
-def _of_channel(counts: NDArray[np.int64]) -> dict[str, float]:
+def _of_channel(counts: NDArray[np.int64], values: Array) -> dict[str, float]:
     """Statistics of a channel; quantiles lie between neighbours in the sorted pixels as NumPy's."""
-    levels, counts = np.flatnonzero(counts) / (LEVELS - 1), counts[counts > 0]
+    levels, counts = values[counts > 0], counts[counts > 0]
     mean = np.average(levels, weights=counts)
     ends = counts.cumsum()
     places = np.column_stack(

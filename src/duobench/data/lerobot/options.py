@@ -3,20 +3,24 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
+from duobench.core.backend import DEPTH, RGB, Wanted
 from duobench.core.errors import DataError, OptionError, check_known
 from duobench.core.types import as_several, as_size
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.config import IMAGE_SIZE, EnvConfig, name_of
 from duobench.envs.state_labels import StatePart
 from duobench.world.looks import catalog as looks
 from duobench.world.looks.catalog import DEFAULT, RANDOM, as_look
-from duobench.world.robot.cameras import POLICY_CAMERAS, check_image_size
+from duobench.world.robot.cameras import POLICY_CAMERAS, Camera, check_image_size
 
-LEAST_SIZE = 4
-"""Pixels along an edge of a video that its encoder takes at least."""
+LEAST_SIZE, LEAST_DEPTH_SIZE = 4, 16
+"""Pixels along an edge of a video that the encoder of images, and that of depth, takes at least."""
+DEPTH_SUFFIX = "_depth"
+"""Ending of the name of a camera's depth, as LeRobot's robots have it."""
 PER_EPISODE = "random_per_episode"
 """A random look for each episode, another one each; `:SEED` may follow."""
 
@@ -77,19 +81,25 @@ _KINDS = {"format": Format, "pairing": Pairing, "action_source": ActionSource}
 _set = object.__setattr__  # of what is frozen
 
 
+def _several(kind: str, given: Any) -> tuple[Any, ...]:
+    """One or several things of a kind."""
+    several = (given,) if isinstance(given, Camera) else as_several(given)
+    if several is None:
+        raise DataError(f"One {kind} is taken, or a list of them; got {given!r}.")
+    return several
+
+
 def _words(
     kind: str, given: str | Iterable[str], known: Iterable[str]
 ) -> tuple[str, ...]:
     """Words that are known, of one or several."""
-    words = as_several(given)
-    if words is None:
-        raise DataError(f"One {kind} is taken, or a list of them; got {given!r}.")
+    words = _several(kind, given)
     for word in words:
         check_known(kind, word, [*map(str, known)])
     return words
 
 
-def _checked_size(given: object) -> tuple[int, int]:
+def _checked_size(given: object, least: int = LEAST_SIZE) -> tuple[int, int]:
     """Height and width in pixels that a camera gives and a video has."""
     size = as_size(given)
     if size is None:
@@ -97,9 +107,9 @@ def _checked_size(given: object) -> tuple[int, int]:
             f"Images have a size (height, width) in pixels, or one number; got {given!r}."
         )
     check_image_size(*size)
-    if any(pixels % 2 or pixels < LEAST_SIZE for pixels in size):
+    if any(pixels % 2 or pixels < least for pixels in size):
         raise DataError(
-            f"Height and width of images in a video are even numbers from {LEAST_SIZE} on, got "
+            f"Height and width of images in a video are even numbers from {least} on, got "
             f"{size[0]}x{size[1]}."
         )
     return size
@@ -131,10 +141,17 @@ class EpisodeChoice:
 class ExportForm:
     """In what form they are exported."""
 
-    cameras: tuple[str, ...] = POLICY_CAMERAS
-    """Cameras whose images are rendered; without any, or with "none" alone, there are no images."""
+    cameras: tuple[str | Camera, ...] = POLICY_CAMERAS
+    """Cameras whose images are rendered; without any, or with "none" alone, there are no images.
+    One of your own is a `Camera`, on the command line as JSON or module:NAME."""
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers from 4 on."""
+    depth: bool | tuple[str, ...] = ()
+    """Cameras whose depth is exported too, as LeRobot's depth maps; without a name that of all of
+    `cameras`."""
+    geometry: bool = False
+    """Export where cameras are: matrices and poses in meta/info.json, and poses of those that move
+    in each row; done with depth, unless each episode has a look of its own."""
     look: str = DEFAULT
     """How rendered images look, such as wood_table or random:7; see the page looks. In
     random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
@@ -161,11 +178,9 @@ class ExportForm:
             _set(self, name, kind(getattr(self, name)))
         state = _words("part of a state", self.state, StatePart)
         _set(self, "state", tuple(part for part in StatePart if part in state))
-        is_none = self.cameras in ("none", ("none",))
-        cameras = () if is_none else _words("camera", self.cameras, POLICY_CAMERAS)
-        _set(self, "cameras", tuple(dict.fromkeys(cameras)))
         check_known("action mode of an export", self.action, LABELS)
         _set(self, "size", _checked_size(self.size))
+        self._set_cameras()
         name, colon, seed = self.look.partition(":")
         if f"{name}:" != RANDOM:
             check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
@@ -178,6 +193,62 @@ class ExportForm:
                 f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "
                 f"{PER_EPISODE} or {PER_EPISODE}:SEED, one for each; got {self.look!r}."
             ) from error
+
+    def _set_cameras(self) -> None:
+        is_none = self.cameras in ("none", ("none",))
+        given = () if is_none else _several("camera", self.cameras)
+        seen = EnvConfig.from_options({"cameras": given, "depth": self.depth})
+        _set(self, "cameras", tuple(dict.fromkeys(seen.cameras)))
+        _set(self, "depth", tuple(dict.fromkeys(seen.depth)))
+        has_looks = self.look_numbers is not None
+        _set(self, "geometry", self.geometry or bool(self.depth and not has_looks))
+        if self.depth and self.format is Format.V21:
+            raise DataError(
+                f"Depth maps need format {Format.V30}; {Format.V21} has none."
+            )
+        if self.geometry and has_looks:
+            raise DataError(
+                "Where cameras are is exported in one look for all episodes; in "
+                f"{self.look!r} each has others."
+            )
+        for name, size in self.videos.items():
+            _checked_size(
+                size, LEAST_DEPTH_SIZE if name in self.depth_of else LEAST_SIZE
+            )
+
+    @property
+    def wanted(self) -> Wanted:
+        """Images that are rendered, by kind and camera, with their sizes."""
+        options = {
+            "cameras": self.cameras,
+            "depth": self.depth,
+            "image_size": self.size,
+        }
+        return EnvConfig.from_options(options).wanted
+
+    @property
+    def seen(self) -> tuple[str | Camera, ...]:
+        """Cameras of which there are images or depth: of one's own as they are, others by name."""
+        own = {name_of(camera): camera for camera in self.cameras}
+        return *own.values(), *(
+            name for name in self.depth_of.values() if name not in own
+        )
+
+    @property
+    def depth_of(self) -> dict[str, str]:
+        """The camera of each video of depth, by the video's name."""
+        names = map(name_of, self.wanted.get(DEPTH, ()))
+        return {f"{name}{DEPTH_SUFFIX}": name for name in names}
+
+    @property
+    def videos(self) -> dict[str, tuple[int, int]]:
+        """Height and width of each video by its name: images of cameras, then depth."""
+        images = self.wanted.get(RGB, {}).items()
+        depths = self.wanted.get(DEPTH, {}).values()
+        return {
+            **{name_of(camera): size for camera, size in images},
+            **dict(zip(self.depth_of, depths, strict=True)),
+        }
 
     @property
     def look_numbers(self) -> int | None:

@@ -79,8 +79,7 @@ def _modality(export: Export) -> dict[str, Any]:
         "state": _slices(export.vectors[STATE]),
         "action": _slices(export.vectors[ACTION]),
         "video": {
-            camera: {"original_key": image_key(camera)}
-            for camera in export.options.cameras
+            name: {"original_key": image_key(name)} for name in export.options.videos
         },
         "annotation": {"human.task_description": {"original_key": "task_index"}},
     }

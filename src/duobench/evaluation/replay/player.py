@@ -22,7 +22,14 @@ from duobench.core.randomness import SUITE_VERSION
 from duobench.core.types import Array
 from duobench.data.recording import Recording
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import FIXED, LAYOUT, LAYOUT_SEED, SPLIT, EnvConfig
+from duobench.envs.config import (
+    CAMERA_OPTIONS,
+    FIXED,
+    LAYOUT,
+    LAYOUT_SEED,
+    SPLIT,
+    EnvConfig,
+)
 from duobench.envs.execution import Step, execute, optional_method
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
@@ -131,9 +138,8 @@ class RecordPlayer(Player):
         """The environment of a record, with the images of its policy or without."""
         config = command_config(record.config)
         if has_images:
-            config = replace(
-                config, cameras=record.config.cameras, look=record.config.look
-            )
+            seen = {name: getattr(record.config, name) for name in CAMERA_OPTIONS}
+            config = replace(config, **seen, look=record.config.look)
         return self.environment(self.task(record).reference, config)
 
     def replay(
@@ -226,6 +232,9 @@ def command_config(config: EnvConfig) -> EnvConfig:
         binary_gripper=False,
         chunk=None,
         cameras=(),
+        image_sizes={},
+        depth=(),
+        segmentation=(),
         object_state=False,
         render_mode=None,
         look=DEFAULT,

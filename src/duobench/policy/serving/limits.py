@@ -12,8 +12,9 @@ HEALTH_PATH = "/healthz"
 VLA_EVAL_PROTOCOL = 1
 """Version of vla-eval's protocol that is spoken."""
 
-MAX_REQUEST = 16 << 20
-"""Bytes of a message to a server: three images of 720 x 1280 take 8.3 MB."""
+MAX_REQUEST = 64 << 20
+"""Bytes of a message to a server: six images of 720 x 1280 with depth and segmentation take 61 MB,
+three at 224 x 224 take 1.7 MB."""
 MAX_REPLY = 64 << 20
 """Bytes of a message to a client, at most; see `reply_bytes`."""
 MAX_EXTRA = 1 << 20

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from duobench.core.backend import Image
 from duobench.core.errors import BackendError
 from duobench.real.clock import Clock, Ticker
-from duobench.real.devices import Frame
+from duobench.real.devices import Depth, Frame
 from duobench.real.rig import CameraCalibration, CameraConfig
 from duobench.results.labels import Fault, FaultKind
 
@@ -95,6 +95,7 @@ class LatestFrame(ABC):
         image: Image,
         time_s: float,
         index: int,
+        depth: Depth | None = None,
     ) -> None:
         """Take a frame, whose arguments are those of `Frame`, and give it to the listener."""
         height, width = self.config.size
@@ -104,7 +105,9 @@ class LatestFrame(ABC):
                 f"the rig says {width}x{height}."
             )
         image.setflags(write=False)
-        self._frame = frame = Frame(index=index, time_s=time_s, image=image)
+        self._frame = frame = Frame(
+            index=index, time_s=time_s, image=image, depth=depth
+        )
         call = self._call
         if call is not None:
             call(frame)
@@ -126,6 +129,10 @@ class TickedCamera(LatestFrame):
     @abstractmethod
     def _image(self, index: int) -> Image | None:
         """Take the image of a number; None if it is lost. Raises BackendError without a camera."""
+
+    def _depth(self) -> Depth | None:
+        """The depth of the image that was taken last; None from a camera that measures none."""
+        return None
 
     def connect(self) -> None:
         """Begin to take images; the first one decides whether they are as the rig says."""
@@ -153,7 +160,7 @@ class TickedCamera(LatestFrame):
         image, index = self._image(self._index), self._index
         self._index += 1
         if image is not None:
-            self.publish(image, self.clock.now(), index)
+            self.publish(image, self.clock.now(), index, self._depth())
 
     def _tick(self) -> None:
         try:
@@ -184,8 +191,8 @@ class ThreadedCamera(LatestFrame):
         """Open the camera, in its thread; BackendError where it cannot be opened."""
 
     @abstractmethod
-    def _wait(self) -> tuple[Image, float, int] | None:
-        """The next image with its time and number, or None after a short while without one.
+    def _wait(self) -> tuple[Image, float, int, Depth | None] | None:
+        """The next image with its time, number and depth; None after a short while without one.
 
         BackendError where there will be no more.
         """

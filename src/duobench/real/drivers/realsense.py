@@ -1,8 +1,9 @@
 """Intel RealSense D405 cameras, by pyrealsense2.
 
-The colour of a D405 comes from its "Stereo Module": exposure and gain are set there. A camera may
-hang when a program has ended badly; it is tried twice, and then reset. Recordings (.db3, .bag) are
-played in a camera's place, which is how this was tried, and on no camera.
+The colour of a D405 comes from its "Stereo Module": exposure and gain are set there. Depth, where
+the rig asks for it, is brought to the pixels of the image. A camera may hang when a program has
+ended badly; it is tried twice, and then reset. Recordings (.db3, .bag) are played in a camera's
+place, which is how this was tried, and on no camera.
 """
 
 import time
@@ -16,6 +17,7 @@ from duobench.core.backend import Image
 from duobench.core.errors import BackendError
 from duobench.core.machine import load_extra
 from duobench.real.clock import Clock
+from duobench.real.devices import Depth
 from duobench.real.drivers.frames import ThreadedCamera
 from duobench.real.rig import UNPOSED, CameraCalibration, CameraConfig
 
@@ -45,6 +47,10 @@ class RealSenseCamera(ThreadedCamera):
         super().__init__(config, clock, name)
         self._library: Any = None
         self._pipeline: Any = None
+        self._align: Any = (
+            None  # depth to the pixels of the image, where it is measured
+        )
+        self._metres = 0.0  # of a unit of depth
         self._first: int | None = None
         self._is_recording = Path(config.device).suffix in RECORDINGS
 
@@ -85,11 +91,18 @@ class RealSenseCamera(ThreadedCamera):
         wanted.enable_stream(
             rs.stream.color, width, height, rs.format.rgb8, self.config.fps
         )
+        if self.config.depth:
+            wanted.enable_stream(
+                rs.stream.depth, width, height, rs.format.z16, self.config.fps
+            )
         self._pipeline = rs.pipeline()
         profile = self._pipeline.start(wanted)
         device = profile.get_device()
         if not self._is_recording:
             self._lock_exposure(rs, device)
+        if self.config.depth:
+            self._align = rs.align(rs.stream.color)
+            self._metres = device.first_depth_sensor().get_depth_scale()
         usb = rs.camera_info.usb_type_descriptor
         self.usb = device.get_info(usb) if device.supports(usb) else ""
         stream = profile.get_stream(rs.stream.color).as_video_stream_profile()
@@ -97,10 +110,19 @@ class RealSenseCamera(ThreadedCamera):
         self._pipeline.wait_for_frames(round(HANG_S * 1000))
         self._first = None
 
-    def _wait(self) -> tuple[Image, float, int] | None:
+    def _wait(self) -> tuple[Image, float, int, Depth | None] | None:
         rs = self._library
         has_come, frames = self._pipeline.try_wait_for_frames(round(WAIT_S * 1000))
-        colour = frames.get_color_frame() if has_come else None
+        if not has_come:
+            return None
+        depth: Depth | None = None
+        if self._align is not None:
+            frames = self._align.process(frames)
+            units = frames.get_depth_frame()
+            if not units:
+                return None
+            depth = np.asarray(units.get_data()) * np.float32(self._metres)
+        colour = frames.get_color_frame()
         if not colour:
             return None
         now, number = self.clock.now(), colour.get_frame_number()
@@ -115,7 +137,7 @@ class RealSenseCamera(ThreadedCamera):
         if latest is not None and index <= latest.index:
             index = latest.index + 1
             self._first = number - index
-        return np.array(colour.get_data()), time_s, index
+        return np.array(colour.get_data()), time_s, index, depth
 
     def _shut(self) -> None:
         if self._pipeline is not None:

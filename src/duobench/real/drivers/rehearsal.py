@@ -7,11 +7,11 @@ from typing import Any
 
 import mujoco
 
-from duobench.core.backend import Image
+from duobench.core.backend import DEPTH, RGB, Image, Sizes
 from duobench.core.errors import BackendError, RenderingError, check_known
 from duobench.core.types import SIDES, Array, Side
 from duobench.real.clock import Clock, SystemClock, Ticker, VirtualClock
-from duobench.real.devices import ArmReading, Device
+from duobench.real.devices import ArmReading, Depth, Device
 from duobench.real.drivers.frames import TickedCamera
 from duobench.real.drivers.robotiq import RobotiqGripper
 from duobench.real.rehearsal import RELEASE, RehearsalWorld
@@ -137,21 +137,24 @@ class RehearsalViews:
     def __init__(self, clock: Clock, world: RehearsalWorld) -> None:
         self._clock, self._world = clock, world
         self._shapes: dict[str, tuple[int, int]] = {}
+        self._with_depth: set[str] = set()
         self._lock = threading.Lock()
         self._scene: tuple[Any, mujoco.MjModel, mujoco.MjData] | None = None
         self._renderers: dict[tuple[int, int], Renderer] = {}
         self._ticker: Ticker | None = None
-        self._newest: dict[str, Image] = {}
+        self._newest: dict[str, dict[str, Any]] = {}
         self._trouble = ""
 
-    def add(self, name: str, shape: tuple[int, int]) -> None:
-        """Render a camera from now on.
+    def add(self, name: str, config: CameraConfig) -> None:
+        """Render a camera from now on, with its depth if it has any.
 
         Raises:
             BackendError: Nothing renders here.
         """
         self._world.enter(self)
-        self._shapes[name] = shape
+        self._shapes[name] = config.size
+        if config.depth:
+            self._with_depth.add(name)
         self._render()
         self._world.look_again = self._tick
         if self._ticker is None:
@@ -172,15 +175,16 @@ class RehearsalViews:
         self._world.look_again = lambda: None
         self._world.leave(self)
 
-    def image(self, name: str) -> Image:
-        """The newest image of a camera.
+    def seen(self, name: str) -> tuple[Image, Depth | None]:
+        """The newest image of a camera, and its depth.
 
         Raises:
             BackendError: Nothing renders any more.
         """
         if self._trouble:
             raise BackendError(self._trouble)
-        return self._newest[name]
+        newest = self._newest
+        return newest[RGB][name], newest[DEPTH].get(name)
 
     def _tick(self) -> None:
         try:
@@ -205,17 +209,24 @@ class RehearsalViews:
                 mujoco.mj_camlight,
             ):
                 bring_up_to_date(model, data)
-            newest: dict[str, Image] = {}
+            newest: dict[str, dict[str, Any]] = {RGB: {}, DEPTH: {}}
             for shape in set(self._shapes.values()):
                 if shape not in self._renderers:
                     self._renderers[shape] = Renderer(
                         model, height=shape[0], width=shape[1]
                     )
                 names = [name for name, each in self._shapes.items() if each == shape]
+                deep = [name for name in names if name in self._with_depth]
+                wanted: dict[str, Sizes] = {
+                    RGB: {**dict.fromkeys(names, shape)},
+                    DEPTH: {**dict.fromkeys(deep, shape)},
+                }
                 try:
-                    newest |= self._renderers[shape].render_all(data, names)
+                    images = self._renderers[shape].render_kinds(data, wanted)
                 except RenderingError as error:
                     raise BackendError(f"Images cannot be rendered: {error}") from error
+                for kind, of_kind in images.items():
+                    newest[kind] |= of_kind
             self._newest = newest
         self._trouble = ""
 
@@ -238,11 +249,12 @@ class RehearsalCamera(TickedCamera):
     ) -> None:
         super().__init__(config, clock, name)
         self._views = views
+        self._latest_depth: Depth | None = None
 
     def connect(self) -> None:
         """Begin to take images."""
         if self._ticker is None:
-            self._views.add(self.name, self.config.size)
+            self._views.add(self.name, self.config)
         super().connect()
 
     def close(self) -> None:
@@ -251,7 +263,11 @@ class RehearsalCamera(TickedCamera):
         self._views.remove(self.name)
 
     def _image(self, index: int) -> Image:  # noqa: ARG002 - the number does not matter
-        return self._views.image(self.name)
+        image, self._latest_depth = self._views.seen(self.name)
+        return image
+
+    def _depth(self) -> Depth | None:
+        return self._latest_depth
 
 
 class Rehearsal:

@@ -65,7 +65,7 @@ class UvcCamera(ThreadedCamera):
         self._last = None
         self.usb = usb_of(device)
 
-    def _wait(self) -> tuple[Image, float, int]:
+    def _wait(self) -> tuple[Image, float, int, None]:
         try:
             frame = next(self._frames)
         except (FFmpegError, StopIteration) as error:
@@ -83,7 +83,8 @@ class UvcCamera(ThreadedCamera):
             )
             index = self._last[0] + max(1, passed)
         self._last = index, time_s
-        return pixels(frame, is_side_by_side=self.config.is_side_by_side), time_s, index
+        image = pixels(frame, is_side_by_side=self.config.is_side_by_side)
+        return image, time_s, index, None
 
     def _shut(self) -> None:
         if self._container is not None:

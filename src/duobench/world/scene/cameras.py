@@ -4,7 +4,14 @@ import mujoco
 
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
-from duobench.world.robot.cameras import CAMERAS, D405, OVERVIEW, ZED_MINI, Camera, View
+from duobench.world.robot.cameras import (
+    CAMERAS,
+    D405,
+    OVERVIEW,
+    ZED_MINI,
+    RobotCamera,
+    View,
+)
 from duobench.world.scene.surfaces import (
     DISTAL,
     CollisionGroup,
@@ -50,7 +57,7 @@ def add_cameras(
 
 
 def _zed_mini(
-    body: mujoco.MjsBody, camera: Camera, mount: SE3
+    body: mujoco.MjsBody, camera: RobotCamera, mount: SE3
 ) -> tuple[mujoco.MjsGeom, ...]:
     """Add the housing (124 x 30 x 26 mm) of a ZED Mini and its lenses; return what collides."""
     pose = mount @ camera.pose
@@ -66,7 +73,7 @@ def _zed_mini(
 
 
 def _d405(
-    body: mujoco.MjsBody, camera: Camera, mount: SE3
+    body: mujoco.MjsBody, camera: RobotCamera, mount: SE3
 ) -> tuple[mujoco.MjsGeom, ...]:
     """Add a RealSense D405 (42 x 42 x 23 mm) and its bracket; return what collides."""
     pose = mount @ camera.pose

@@ -97,9 +97,10 @@ def _camera(name: str, camera: CameraConfig) -> str:
     calibrated = (
         "not calibrated" if lens is None else f"calibrated {lens.date}".rstrip()
     )
+    depth = ", with depth" if camera.depth else ""
     return (
         f"Camera {name}: {_device(camera.driver, camera.device)}, {width} x {height} pixels, "
-        f"{camera.fps} Hz; {calibrated}"
+        f"{camera.fps} Hz{depth}; {calibrated}"
     )
 
 
