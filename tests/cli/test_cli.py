@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from PIL import Image
 from rich.console import Console
@@ -239,6 +240,21 @@ def test_render_draws_every_camera(tmp_path: Path, told: Told) -> None:
             assert image.size == (64, 48)
             low, high = image.convert("L").getextrema()
             assert high - low > 50
+
+
+def test_render_shows_depth_and_parts_of_a_camera_of_ones_own(tmp_path: Path, told: Told) -> None:
+    side = '{"name": "side", "position": [0.5, 1.2, 0.5], "look_at": [0.5, 0, 0]}'
+    words = ["--cameras", "head", side, "--depth", "--segmentation", "--size", "48", "400"]
+    found = told("render", toy_tasks.WAVE_NAME, *words, "--out", tmp_path).split()
+    names = [
+        f"{camera}{end}" for end in ("", "-depth", "-segmentation") for camera in ("head", "side")
+    ]
+    assert [Path(path).name for path in found] == [f"wave-0-{name}.png" for name in names]
+    for path in found[2:]:
+        with Image.open(path) as image:
+            assert image.width == 400
+            assert image.height > 48, "a legend"
+            assert len(np.unique(np.array(image).reshape(-1, 3), axis=0)) > 3
 
 
 def test_doctor_tells_versions_and_graphics(told: Told) -> None:

@@ -14,6 +14,7 @@ from duobench.core.video import (
     AV1,
     DATA_H264,
     H264,
+    HEVC12,
     VP9,
     Codec,
     VideoWriter,
@@ -52,12 +53,12 @@ def test_image_that_no_encoder_takes_is_said() -> None:
         write_video([np.zeros((2, 70_000, 3), np.uint8)], io.BytesIO(), VP9, 15)
 
 
-@pytest.mark.parametrize("codec", [AV1, VP9, H264], ids=lambda codec: codec.encoder)
+@pytest.mark.parametrize("codec", [AV1, HEVC12, VP9, H264], ids=lambda codec: codec.encoder)
 def test_no_encoder_keeps_others_from_running(codec: Codec, tmp_path: Path) -> None:
     usual = os.sched_getscheduler(0)
     with closing(VideoWriter(tmp_path / "video", codec, 30)) as writer:
         for frame in FRAMES:
-            writer.add(frame)
+            writer.add(frame if codec is not HEVC12 else frame[..., 0].astype(np.uint16))
         threads = [int(each.name) for each in Path("/proc/self/task").iterdir()]
         assert {os.sched_getscheduler(each) for each in threads} == {usual}
 
@@ -95,3 +96,16 @@ def test_a_frame_is_read_without_a_shade() -> None:
     )
     assert abs(errors) < 0.2
     assert usual < -0.8
+
+
+def test_numbers_of_12_bits_come_back_as_they_were(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    frames = [rng.integers(0, 4096, (34, 50), np.uint16) for _ in range(5)]
+    for name in ("one", "two"):
+        write_video(frames, tmp_path / name, HEVC12, 30)
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+    with av.open(tmp_path / "one") as container:
+        decoded = list(container.decode(video=0))
+    for index, (frame, expected) in enumerate(zip(decoded, frames, strict=True)):
+        np.testing.assert_array_equal(frame.to_ndarray(format="gray12le"), expected)
+        assert frame.time == pytest.approx(index / 30)

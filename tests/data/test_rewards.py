@@ -195,7 +195,7 @@ def test_dense_is_refused_on_real_arms_before_anything_is_written(
 def test_transitions_are_those_of_an_environment(solved: DataSet, steps: int, mode: str) -> None:
     (one,) = transitions(solved, QUICK, reward="dense", action_mode=mode, object_state=True)
     env = duobench.make(QUICK, cameras=False, object_state=True, reward="dense", action_mode=mode)
-    seen, _ = env.reset(options={"layout": one.info.layout})
+    seen, _ = env.reset(options={"layout": one.recording.info.layout})
     assert seen.keys() == one.observation.keys() == one.next_observation.keys()
     assert len(one.action) == len(one.reward) == steps
     assert one.action.dtype == np.float32

@@ -1,5 +1,6 @@
 import random
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -13,6 +14,8 @@ from duobench.core.errors import (
     PolicyError,
     UnknownNameError,
 )
+from duobench.evaluation.replay.render import VIDEO, make_missing
+from duobench.evaluation.replay.verification import verify
 from duobench.evaluation.runners.evaluations import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.journal import PARTS, Begun, Ended
@@ -195,6 +198,36 @@ def test_look_is_that_of_environment_video_and_record(play, workers):
                 frame = next(container.decode(video=0))
             brightness.append(frame.to_ndarray(format="rgb24").mean())
         assert 1.3 * brightness[0] < brightness[1]
+
+
+def test_depth_parts_and_a_camera_of_ones_own_go_from_policy_to_record_and_page(play, monkeypatch):
+    """What is seen is played, recorded, verified, shown in a video that can be made again."""
+    folder, results = play("Measures", episodes=1, videos=1)
+    assert results.overall.errors == 0
+    (record, *_) = (record for one in results.tasks for record in one.records)
+    config = record.config
+    assert config.cameras == ("head", replace(toy_tasks.SIDE, size=(24, 32)))
+    assert (config.depth, config.segmentation) == (("side", "left_wrist"), ("head",))
+    assert config.image_sizes == {"head": (24, 24)}
+    assert folder.read_run().candidate.metadata == toy_tasks.Measures.metadata
+    assert folder.read_run().candidate.privileged, "parts are known to a simulation alone"
+    page = folder.page.read_text()
+    for words in ("cameras of its own (side)", "depth (side, left_wrist)", "segmentation (head)"):
+        assert words in page
+    video = folder.video(record.key)
+    before = video.read_bytes()
+    with av.open(video) as container:
+        assert container.streams.video[0].width > 640
+    video.unlink()
+    done = make_missing(folder, folder.read_run(), [record], VIDEO, import_tasks=True)
+    assert done.made == (record,)
+    assert video.read_bytes() == before
+    assert verify(folder, import_tasks=True).is_verified
+    moved = replace(toy_tasks.SIDE, fovy_deg=50.0)
+    other = replace(toy_tasks.Measures.metadata, cameras=("head", moved))
+    monkeypatch.setattr(toy_tasks.Measures, "metadata", other)
+    with pytest.raises(OtherRunError, match=r"policy's cameras .*fovy_deg=50.* instead of"):
+        play("Measures", episodes=1)
 
 
 @pytest.mark.slow

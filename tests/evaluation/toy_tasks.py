@@ -29,11 +29,15 @@ from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 from duobench.world.objects.blocks import CUBE_EDGE, RED, cube
 from duobench.world.objects.prop import Prop
+from duobench.world.robot.cameras import Camera
 
 HOME_HEIGHT = 0.54
 HORIZON = 24
 MARKS = "DUOBENCH_TEST_MARKS"
 """Environment variable: folder in which policies leave marks for other processes."""
+
+
+SIDE = Camera(name="side", position=(0.5, 1.2, 0.5), look_at=(0.5, 0.0, 0.0))
 
 
 def left_tool_moved(distance: float) -> Predicate:
@@ -360,6 +364,33 @@ class Sees(HoldPolicy):
         if observation["pixels"]["head"].shape != (24, 32, 3):
             raise ValueError("this is not what was asked for")
         return np.repeat(super().act(observation), 5, axis=0)
+
+
+class Measures(RandomPolicy):
+    """Acts on a random number for each distance, part and colour that it sees."""
+
+    metadata = PolicyMetadata(
+        name="measures",
+        version="1",
+        cameras={"head": 24, SIDE: (24, 32)},  # type: ignore[arg-type]
+        depth=("side", "left_wrist"),
+        segmentation="head",  # type: ignore[arg-type]
+        image_size=16,  # type: ignore[arg-type]
+        horizon=4,
+    )
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        shapes = {
+            kind: {name: image.shape[:2] for name, image in observation[kind].items()}
+            for kind in ("pixels", "depth", "segmentation")
+        }
+        if shapes != {
+            "pixels": {"head": (24, 24), "side": (24, 32)},
+            "depth": {"side": (24, 32), "left_wrist": (16, 16)},
+            "segmentation": {"head": (24, 24)},
+        }:
+            raise ValueError(f"this is not what was asked for: {shapes}")
+        return np.concatenate([super(Measures, self).act(observation) for _ in range(4)])
 
 
 class Glances(RandomPolicy):

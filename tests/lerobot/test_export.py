@@ -23,6 +23,9 @@ from tests.lerobot.tools import load, record, run
 
 TASKS = ("transfer_cube", "bin_sort")
 LENGTHS = (24, 31)
+SIDE = duobench.Camera(
+    name="side", position=(0.5, 1.2, 0.5), look_at=(0.5, 0.0, 0.0), size=(32, 48)
+)
 MIN_PSNR_DB = 30.0
 CHUNK = 8
 
@@ -110,6 +113,55 @@ def test_statistics_are_those_that_were_written(exported: Path) -> None:
             np.testing.assert_array_equal(read[feature][name], values)
     assert read["observation.images.head"]["max"].shape == (3, 1, 1)
     assert read["observation.images.head"]["count"] == [sum(LENGTHS)]
+
+
+@pytest.fixture(scope="module")
+def measured(data: DataSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("depth") / "lerobot"
+    options = ExportOptions(cameras=("left_wrist", SIDE), depth=True, size=(48, 64))
+    export_lerobot(data, out, options, workers=0)
+    return out
+
+
+def test_depth_is_read_as_metres_where_it_was_rendered(
+    measured: Path, recordings: list[Recording]
+) -> None:
+    """Rounding to 12 bits is all that is lost; nothing stays nothing."""
+    dataset, first = load(measured, depth_output_unit="m"), 0
+    keys = {f"observation.images.{name}_depth": name for name in ("left_wrist", "side")}
+    assert {*dataset.meta.depth_keys} == keys.keys()
+    for recording in recordings:
+        source = ImageSource(
+            recording.info.task, cameras=("left_wrist", SIDE), size=(48, 64), depth=True
+        )
+        for step in range(len(recording)):
+            item = dataset[first + step]
+            seen = source.images_by_kind(recording, step)["depth"]
+            placed = source.geometry(recording, step)
+            for key, name in keys.items():
+                read = item[key].numpy()[0]
+                assert read.shape == seen[name].shape
+                assert (np.abs(read - seen[name]) <= 0.0003 * (1.0 + seen[name])).all()
+                assert ((read == 0.0) == (seen[name] == 0.0)).all()
+            row = item["table_from_camera.left_wrist"].numpy().reshape(4, 4)
+            np.testing.assert_allclose(row, placed["left_wrist"].table_from_camera, atol=1e-6)
+        source.close()
+        first += len(recording)
+    info = dataset.meta.features["observation.images.side_depth"]["info"]
+    np.testing.assert_allclose(info["matrix"], placed["side"].matrix)
+    np.testing.assert_allclose(info["table_from_camera"], placed["side"].table_from_camera)
+
+
+def test_depth_and_its_statistics_are_given_in_millimetres_too(measured: Path) -> None:
+    key = "observation.images.side_depth"
+    metres, millimetres = load(measured, depth_output_unit="m"), load(measured)
+    np.testing.assert_allclose(millimetres[3][key], 1000 * metres[3][key], atol=0.51)
+    for name in ("min", "max", "mean", "q50"):
+        one, two = metres.meta.stats[key][name], millimetres.meta.stats[key][name]
+        assert one.shape == (1, 1, 1)
+        np.testing.assert_allclose(two, 1000 * one, rtol=1e-6)
+    every = np.stack([metres[row][key].numpy() for row in range(sum(LENGTHS))])
+    np.testing.assert_allclose(metres.meta.stats[key]["mean"], every.mean(), rtol=1e-5)
 
 
 def test_lerobot_merges_it_with_a_set_of_its_own_writer(exported: Path, tmp_path: Path) -> None:

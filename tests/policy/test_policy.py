@@ -11,8 +11,11 @@ from duobench.envs import ACTION_MODES
 from duobench.envs.config import EnvConfig
 from duobench.envs.sim_env import SimEnv
 from duobench.policy import PolicyMetadata, as_chunk, check_fits
+from duobench.results.run import needed_options
 from duobench.tasks import catalog
-from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.cameras import POLICY_CAMERAS, Camera
+
+SIDE: dict[str, Any] = {"name": "side", "position": (0.5, 1.2, 0.5), "look_at": (0.5, 0.0, 0.0)}
 
 
 def test_chunk_is_a_copy_as_float32() -> None:
@@ -72,7 +75,14 @@ def test_text_that_cannot_be_written_down_is_refused_as_given(name: str) -> None
         ("version", [3, "v" * 1001]),
         ("name", [3]),
         ("action_mode", [None]),
-        ("cameras", [None, (1,), {"head": 128}, {"head", "left_wrist"}]),
+        (
+            "cameras",
+            [None, (1,), {"head": "big"}, {"head", "left_wrist"}, [{"position": (0, 0, 1)}]],
+        ),
+        ("cameras", [{**SIDE, "on": "ceiling"}, [{**SIDE, "look_at": (0.5, 1.2, 0.5)}]]),
+        ("depth", [None, 3, {"head"}, Camera(**SIDE)]),
+        ("segmentation", [None, (1,)]),
+        ("image_sizes", [None, {"head": 0}, {"head": "32"}]),
         ("horizon", [1.5, "3", 0]),
     ],
 )
@@ -92,6 +102,22 @@ def test_metadata_that_no_environment_meets_is_refused(field: str, values: list[
         ({"horizon": np.int64(3)}, {"horizon": 3}),
         ({"object_state": np.True_}, {"object_state": True}),
         ({"batch_invariant": np.False_}, {"batch_invariant": False}),
+        ({"cameras": [SIDE]}, {"cameras": (Camera(**SIDE),)}),
+        ({"cameras": SIDE}, {"cameras": (Camera(**SIDE),)}),
+        ({"cameras": Camera(**SIDE), "depth": True}, {"cameras": SIDE, "depth": ("side",)}),
+        ({"depth": True}, {"depth": POLICY_CAMERAS}),
+        (
+            {"cameras": (), "segmentation": np.True_},
+            {"cameras": (), "segmentation": POLICY_CAMERAS},
+        ),
+        ({"depth": "head", "segmentation": False}, {"depth": ("head",), "segmentation": ()}),
+        (
+            {"cameras": {"head": 32, "left_wrist": (24, 48)}},
+            {
+                "cameras": ("head", "left_wrist"),
+                "image_sizes": {"head": (32, 32), "left_wrist": (24, 48)},
+            },
+        ),
     ],
 )
 def test_metadata_of_numpy_and_one_for_all_can_be_written_down(
@@ -100,6 +126,25 @@ def test_metadata_of_numpy_and_one_for_all_can_be_written_down(
     given = PolicyMetadata(**{"name": "mine", **fields})
     assert given == PolicyMetadata(**{"name": "mine", **same})
     assert msgspec.json.decode(msgspec.json.encode(given), type=PolicyMetadata) == given
+
+
+def test_a_policy_of_depth_and_a_camera_of_its_own_fits_what_shows_them() -> None:
+    wanted = {"cameras": ("head", SIDE), "depth": ("side",), "segmentation": "head"}
+    sees = metadata(**wanted, image_sizes={"head": 32})
+    options = needed_options(sees)
+    check_fits(sees, duobench.make(TASK, **options))
+    moved = {**SIDE, "fovy_deg": 40.0}
+    other = duobench.make(TASK, cameras=("head", moved), depth="head", image_size=48)
+    with pytest.raises(PolicyError) as raised:
+        check_fits(sees, other)
+    for words in (
+        "it sees camera 'side', the environment shows head, side, elsewhere or with another lens",
+        "it sees depth of camera 'side', the environment shows depth of head",
+        "it sees segmentation of camera 'head', the environment shows segmentation of none",
+        "it sees images of (32, 32) of 'head', the environment's are (48, 48)",
+        "depth=('side',), segmentation=('head',), image_sizes={'head': (32, 32)}",
+    ):
+        assert words in str(raised.value)
 
 
 def test_a_first_policy_sees_what_an_environment_shows_by_default() -> None:

@@ -84,6 +84,24 @@ def test_without_a_calibration_images_are_resized() -> None:
     assert not np.shares_memory(same, image)
 
 
+def test_depth_is_that_of_one_pixel_and_none_outside() -> None:
+    near_and_far = np.full(NATIVE, 0.2, np.float32)
+    near_and_far[:, 640:] = 0.9
+    near_and_far[360:] = 0.0
+    shifted = CameraCalibration(fx=740.0, fy=740.0, cx=839.5, cy=359.5, pose=UNPOSED)
+    for calibration, edge in ((None, 640), (shifted, 440)):
+        view = CanonicalView(HEAD, calibration)
+        for height, width in (NATIVE, (90, 160), (48, 48)):
+            depth = view.depth(near_and_far, (height, width))
+            assert (depth.shape, depth.dtype) == ((height, width), np.float32)
+            assert {*np.unique(depth).tolist()} == {0.0, *map(float, np.float32([0.2, 0.9]))}
+            row = depth[height // 4]
+            assert abs(np.argmax(row > 0.5) - edge * width / 1280) <= 1.0
+            assert not depth[height // 2 + 1 :].any()
+            beyond = row[-(width // 8) :]
+            assert beyond.all() == (calibration is None)
+
+
 def test_cameras_of_other_sizes_are_remapped_too() -> None:
     half = CameraCalibration(fx=370.0, fy=370.0, cx=319.5, cy=179.5, pose=UNPOSED)
     view = CanonicalView(HEAD, half, (360, 640))

@@ -156,6 +156,34 @@ def test_devices_that_are_not_well_are_found(change: Change, name: str, words: s
     assert is_well(check for other, check in checks.items() if other not in {name, "holding"})
 
 
+class DeepCamera(SimulatedCamera):
+    """Knows the depth of a share of its pixels; of none of them it gives none."""
+
+    share = 0.0
+
+    def _depth(self) -> Any:
+        depth = np.zeros(self.config.size, np.float32)
+        depth[: round(self.share * len(depth))] = 0.4
+        return depth if self.share else None
+
+
+@pytest.mark.parametrize(
+    ("share", "outcome", "words"),
+    [(0.0, FAILED, "it gives none"), (0.25, CheckOutcome.NOTE, "25%"), (0.75, OK, "75%")],
+)
+def test_depth_that_a_camera_does_not_know_is_found(
+    monkeypatch: pytest.MonkeyPatch, share: float, outcome: CheckOutcome, words: str
+) -> None:
+    monkeypatch.setattr(DeepCamera, "share", share)
+    rig = simulated_rig()
+    driver = f"{__name__}:{DeepCamera.__name__}"
+    deep = replace(rig.cameras["left_wrist"], driver=driver, depth=True)
+    checks = found(new_rig(replace(rig, cameras={**rig.cameras, "left_wrist": deep})))
+    check = checks["left_wrist camera's depth"]
+    assert (check.outcome, words in check.value) == (outcome, True)
+    assert "head camera's depth" not in checks
+
+
 @pytest.mark.parametrize(("fps", "outcome"), [(8, FAILED), (10, OK)])
 def test_a_camera_for_which_arms_would_rest_is_found(fps: int, outcome: CheckOutcome) -> None:
     rig = simulated_rig()

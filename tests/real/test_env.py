@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.core.errors import OptionError, UnknownNameError
+from duobench.core.errors import BackendError, OptionError, UnknownNameError
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.data import DataSet, Recorder
 from duobench.envs import base_of
@@ -26,6 +26,7 @@ from duobench.world.robot.joints import HOME_JOINTS
 from tests.real.rigs import Steps, arm, new_rig, refused, wait
 from tests.teleop.operator import hand, message, said
 
+SIDE = {"name": "side", "position": (0.5, 1.2, 0.5), "look_at": (0.5, 0.0, 0.0)}
 TASK = "bin_sort"
 Made = Callable[..., tuple[Any, Any]]
 
@@ -205,6 +206,8 @@ def test_a_layout_is_what_was_asked_for_and_decides_the_instruction(made: Made) 
         ({"object_state": True}, OptionError),
         ({"render_mode": "rgb_array"}, OptionError),
         ({"cameras": "left"}, UnknownNameError),
+        ({"cameras": SIDE}, BackendError),
+        ({"segmentation": "left_wrist"}, BackendError),
         ({"colour": 1}, UnknownNameError),
     ],
 )

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from duobench.core.backend import DEPTH, RGB
 from duobench.core.errors import BackendError, UnknownNameError
 from duobench.core.spatial import SE3
 from duobench.core.types import SIDES, DuoCommand, Side
 from duobench.real.clock import PacedClock, VirtualClock
 from duobench.real.duo import FrankaDuo
+from duobench.real.env import make_real_env
 from duobench.real.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
 from duobench.real.rehearsal import HAND_M, HAND_RAD, MAX_BEHIND_S, STEP_S, RehearsalWorld
 from duobench.real.rig import JOINT_TORQUES
@@ -26,6 +28,7 @@ from duobench.tasks import catalog
 from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.sim import rendering_process
+from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.rendering import Renderer
 from tests.real.rigs import home, new_rig, quick_rig, refused, wait
 
@@ -380,6 +383,33 @@ def test_cameras_see_the_world_from_a_process_of_their_own(
         wait(duo, 1.0)
         assert duo.fault is not None
         assert "cannot be rendered: Rendering is switched off by MUJOCO_GL=off" in duo.fault.text
+
+
+def test_wrists_measure_depth_and_the_head_does_not() -> None:
+    """It is the simulation's, where the images are, and a policy sees it through the same door."""
+    with rehearsal(cameras=True) as duo:
+        duo.hands.activate()
+        duo.place(TASK, LAYOUT)
+        wait(duo, 0.2)
+        wanted: Any = {DEPTH: {"left_wrist": REHEARSAL_SIZE}, RGB: {"head": (48, 64)}}
+        seen = duo.images_by_kind(wanted)
+        scene = world_of(duo).simulation
+        expected = SimBackend(scene)
+        exact = expected.images_by_kind(wanted)[DEPTH]["left_wrist"]
+        assert np.abs(seen[DEPTH]["left_wrist"] - exact).mean() < 2e-4
+        sizes: Any = dict.fromkeys(POLICY_CAMERAS, (48, 64))
+        for name, placed in expected.camera_geometry(sizes).items():
+            found = duo.camera_geometry(sizes)[name]
+            np.testing.assert_allclose(found.matrix, placed.matrix)
+            np.testing.assert_allclose(found.table_from_camera, placed.table_from_camera, atol=2e-3)
+        expected.close()
+        env = make_real_env(duo, TASK, depth=("left_wrist", "right_wrist"), image_size=32)
+        duo.supervisor.confirm()
+        observation, _ = env.reset()
+        assert env.observation_space.contains(observation)
+        assert observation["depth"]["right_wrist"].min() > 0.02
+        with pytest.raises(BackendError, match=r"camera head .* no depth; left_wrist, right_wrist"):
+            make_real_env(duo, TASK, depth=True)
 
 
 # --- time for people -----------------------------------------------------------------------------

@@ -72,6 +72,7 @@ OWN: tuple[Row, ...] = (
     ("obstacles.mast.center", [1.0, 1.0, 1.0], "obstacles.mast 'center'. Did you mean 'centre'"),
     ("arms.left.driver", "frankly", "Unknown arms.left.driver 'frankly'. Did you mean 'franky'"),
     ("cameras.head.driver", "kinect", "Known: file, module:NAME, realsense, rehearsal, uvc"),
+    ("cameras.head.depth", True, "cameras.head.depth: the driver uvc gives colour alone"),
     ("arms.left.driver", 3, "arms.left.driver: Expected `str`, got `int`"),
     ("arms.left.torque_threshold", 20.0, "arms.left.torque_threshold: Expected `array`, got"),
     ("arms.left.torque_threshold", [5.0] * 6, "torque_threshold is 7 numbers, one a joint"),

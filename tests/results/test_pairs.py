@@ -112,6 +112,11 @@ def layout(y: float, **variants: str) -> dict[str, object]:
             True,
             ("look default and dark",),
         ),
+        (
+            {"config": replace(CONFIG, cameras=("head",), depth=("head",))},
+            True,
+            ("seen beyond the robot's images nothing and depth (head)",),
+        ),
     ],
 )
 def test_episodes_are_the_same_where_their_layouts_are(

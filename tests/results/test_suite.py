@@ -1,9 +1,11 @@
 import pytest
 
 from duobench.core.errors import UnknownNameError
+from duobench.envs.config import EnvConfig
 from duobench.envs.execution import ChunkExecution
 from duobench.results.suite import SUITES, SuiteChoice, deviations, latency_text, suite_text
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import Camera
 
 FIXED = {("paper", 1): (100, 30), ("quick", 1): (10, 30), ("robust", 1): (20, 30)}
 """What each version of a suite fixes: a change needs a new version, and a new line here."""
@@ -34,6 +36,16 @@ def test_what_differs_from_the_name_is_said() -> None:
         "10 actions executed of a chunk instead of 30, latency of 3 control steps (100 ms)"
     )
     assert latency_text(suite) == "latency of 3 control steps (100 ms)"
+
+
+def test_what_a_policy_sees_beyond_the_robots_images_is_never_the_papers() -> None:
+    suite = SuiteChoice(suite="paper").make()
+    side = Camera(name="side", position=(0.5, 1.2, 0.5), look_at=(0.5, 0.0, 0.0))
+    config = EnvConfig(cameras=("head", side), depth=("left_wrist",), segmentation=("side",))
+    words = "cameras of its own (side), depth (left_wrist), segmentation (side)"
+    assert suite_text(suite, config) == f"paper 1 with {words}"
+    assert deviations(suite, config) == [words]
+    assert deviations(suite, EnvConfig(cameras=("head",))) == []
 
 
 def test_no_name_is_a_suite_of_ones_own() -> None:

@@ -72,19 +72,18 @@ def run(
             ) as renderer:
                 images |= renderer.render_all(simulation.data, seen)
         sizes: Sizes = {**dict.fromkeys(cameras, size)}
-        wanted = {
-            DEPTH: sizes if depth else {},
-            SEGMENTATION: sizes if segmentation else {},
-        }
-        numbers = base.backend.images_by_kind(wanted)
-        for camera, image in numbers.get(DEPTH, {}).items():
-            images[f"{camera}-depth"] = with_legend(
-                depth_picture(image), depth_legend()
-            )
-        for camera, image in numbers.get(SEGMENTATION, {}).items():
-            legend = segmentation_legend(image, base.segmentation_ids)
-            picture = with_legend(segmentation_picture(image), legend)
-            images[f"{camera}-segmentation"] = picture
+        if depth:
+            for camera, metres in base.backend.images_by_kind({DEPTH: sizes})[
+                DEPTH
+            ].items():
+                picture = with_legend(depth_picture(metres), depth_legend())
+                images[f"{camera}-depth"] = picture
+        if segmentation:
+            seen = base.backend.images_by_kind({SEGMENTATION: sizes})[SEGMENTATION]
+            for camera, parts in seen.items():
+                legend = segmentation_legend(parts, base.segmentation_ids)
+                picture = with_legend(segmentation_picture(parts), legend)
+                images[f"{camera}-segmentation"] = picture
         for camera, image in images.items():
             path = out / f"{info.id}-{seed}-{camera}.png"
             with writing(path):

@@ -14,6 +14,8 @@ OBJECT_STATE = "observation.environment_state"
 """Column of the object state."""
 IMAGE_PREFIX = "observation.images."
 """Prefix of the name of a camera's images."""
+DEPTH_SUFFIX = "_depth"
+"""Ending of the name of a camera's depth, as LeRobot's robots have it."""
 DOMAIN = "domain"
 """Column of an export that says where a row is from; the index of one of `DOMAINS`."""
 DOMAINS = ("sim", "real")

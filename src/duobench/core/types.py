@@ -3,7 +3,7 @@
 import math
 import operator
 import sys
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
@@ -85,6 +85,11 @@ def as_count(value: Any) -> int | None:
     """A whole number from 1 on as an int; None for anything else."""
     number = as_whole(value)
     return number if number is not None and number >= 1 else None
+
+
+def as_flag(value: Any) -> Any:
+    """True or False of those, NumPy's, 1 and 0; anything else as it is."""
+    return bool(value) if isinstance(value, Hashable) and value in (0, 1) else value
 
 
 def as_several(values: Any) -> tuple[Any, ...] | None:

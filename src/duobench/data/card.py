@@ -9,6 +9,7 @@ from duobench.core.errors import DataError, escaped
 from duobench.core.files import make_folder, read_object, write
 from duobench.core.lerobot_keys import (
     CARD,
+    DEPTH_SUFFIX,
     FORMAT,
     IMAGE_PREFIX,
     OBJECT_STATE,
@@ -116,6 +117,7 @@ def _of_exports(folder: Path) -> dict[str, Any]:
     lengths: dict[str, list[int]] = {}
     for one in (episode for each in beside for episode in each["episodes"]):
         lengths.setdefault(Path(one["file"]).parent.name, []).append(one["length"])
+    features = list(dict.fromkeys(key for one in about for key in one["features"]))
     return {
         "summary": None,
         "suite": suites[0],
@@ -127,17 +129,8 @@ def _of_exports(folder: Path) -> dict[str, Any]:
             )
             for place in places
         ],
-        "features": list(
-            dict.fromkeys(key for one in about for key in one["features"])
-        ),
-        "depths": list(
-            dict.fromkeys(
-                key
-                for one in about
-                for key, feature in one["features"].items()
-                if (feature.get("info") or {}).get("is_depth_map")
-            )
-        ),
+        "features": features,
+        "depths": [key for key in features if key.endswith(DEPTH_SUFFIX)],
         "version": " and ".join(
             dict.fromkeys(one["codebase_version"] for one in about)
         ),

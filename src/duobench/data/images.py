@@ -26,7 +26,8 @@ from duobench.core.types import as_several, as_size
 from duobench.core.video import in_rgb
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
-from duobench.envs.config import IMAGE_SIZE, name_of
+from duobench.envs.camera_options import name_of
+from duobench.envs.config import IMAGE_SIZE
 from duobench.tasks import catalog
 from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task

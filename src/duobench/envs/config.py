@@ -1,15 +1,12 @@
 """Options of an environment, and about one of its resets."""
 
-from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any, Self
 
 from duobench.core.backend import (
     DEPTH,
-    RGB,
     SEGMENTATION,
-    AnyCamera,
-    Sizes,
     Wanted,
 )
 from duobench.core.errors import (
@@ -20,14 +17,20 @@ from duobench.core.errors import (
     escaped,
 )
 from duobench.core.randomness import EVAL, SPLITS
-from duobench.core.settings import decode
-from duobench.core.types import as_count, as_several, as_size, as_whole
+from duobench.core.types import as_count, as_flag, as_size, as_whole
 from duobench.envs import action_modes
+from duobench.envs.camera_options import (
+    CAMERA_OPTIONS,
+    camera_options,
+    name_of,
+    wanted_images,
+)
 from duobench.envs.rewards import REWARDS, STAGE
 from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import (
+    HEAD,
     NATIVE_HEIGHT,
     NATIVE_WIDTH,
     POLICY_CAMERAS,
@@ -187,121 +190,12 @@ class EnvConfig:
         return cls(**values, **camera_options(options))
 
 
-CAMERA_OPTIONS = ("cameras", "image_sizes", DEPTH, SEGMENTATION)
-
-
-def camera_options(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options about cameras, where they are among some, in the form of their fields if possible."""
-    forms = _cameras, _sizes, _names, _names
-    values = {
-        name: form(options[name])
-        for name, form in zip(CAMERA_OPTIONS, forms, strict=True)
-        if name in options
-    }
-    if isinstance(values.get("cameras"), Mapping):
-        values["cameras"], by_name = _with_sizes(values["cameras"])
-        values["image_sizes"] = {**values.get("image_sizes", {}), **by_name}
-    for name in (DEPTH, SEGMENTATION):
-        if _flag(values.get(name)) is True:
-            cameras = as_several(values.get("cameras", POLICY_CAMERAS)) or ()
-            values[name] = tuple(map(name_of, cameras)) or POLICY_CAMERAS
-    return values
-
-
-def name_of(camera: Any) -> Any:
-    """Name of a camera of one's own, or of the robot's, which is given by it."""
-    return camera.name if isinstance(camera, Camera) else camera
-
-
-def wanted_images(
-    cameras: Sequence[str | Camera],
-    depth: Sequence[str],
-    segmentation: Sequence[str],
-    size: tuple[int, int],
-    sizes: Mapping[str, tuple[int, int]],
-) -> dict[str, Sizes]:
-    """Images of an observation by their kind, with their sizes.
-
-    Raises:
-        UnknownNameError: There is no such camera.
-        OptionError: Two cameras have one name.
-    """
-    own = {camera.name: camera for camera in cameras if isinstance(camera, Camera)}
-    if len(own) < sum(isinstance(camera, Camera) for camera in cameras):
-        names = [name_of(camera) for camera in cameras]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise OptionError(
-            f"Two cameras are called {twice!r}; each has a name of its own, such as "
-            f"'{twice}_2'."
-        )
-    known = (*POLICY_CAMERAS, *own)
-    for name in sizes:
-        check_known("camera", name, known)
-    wanted: dict[str, Sizes] = {}
-    for kind, given in ((RGB, cameras), (DEPTH, depth), (SEGMENTATION, segmentation)):
-        by_camera: dict[str | AnyCamera, tuple[int, int]] = {}
-        for name in map(name_of, given):
-            check_known("camera", name, known)
-            camera = own.get(name)
-            usual = size if camera is None or camera.size is None else camera.size
-            by_camera[camera or name] = sizes.get(name, usual)
-        if by_camera:
-            wanted[kind] = by_camera
-    return wanted
-
-
-def _cameras(value: Any) -> Any:
-    if isinstance(value, bool):
-        return POLICY_CAMERAS if value else ()
-    is_one = isinstance(value, Mapping) and "name" in value
-    several = (value,) if is_one or isinstance(value, Camera) else as_several(value)
-    if several is None:
-        return value
-    return tuple(
-        decode(dict(each), Camera, "camera") if isinstance(each, Mapping) else each
-        for each in several
-    )
-
-
-def _names(value: Any) -> Any:
-    if _flag(value) is False:
-        return ()
-    if isinstance(value, Camera):  # in a tuple, it is rejected by what it is
-        return (value,)
-    return value if (names := as_several(value)) is None else names
-
-
-def _sizes(value: Any) -> Any:
-    if not isinstance(value, Mapping):
-        return value
-    return {name: _size(size) for name, size in value.items()}
-
-
-def _with_sizes(
-    given: Mapping[Any, Any],
-) -> tuple[tuple[str | Camera, ...], dict[str, Any]]:
-    """Cameras, and the sizes of those of the robot, of sizes by camera."""
-    cameras = tuple(
-        replace(camera, size=size) if isinstance(camera, Camera) and size else camera
-        for camera, size in given.items()
-    )
-    return cameras, {
-        name: _size(size)
-        for name, size in given.items()
-        if size is not None and not isinstance(name, Camera)
-    }
-
-
 def _size(value: Any) -> Any:
     return as_size(value) or value
 
 
 def _number(value: Any) -> Any:
     return value if (number := as_whole(value)) is None else number
-
-
-def _flag(value: Any) -> Any:
-    return bool(value) if isinstance(value, Hashable) and value in (0, 1) else value
 
 
 def _look(value: Any) -> Any:
@@ -322,7 +216,7 @@ _FLAGS = ("object_state", "flat_obs", "binary_gripper")
 _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "image_size": _size,
     "render_size": _size,
-    **dict.fromkeys(_FLAGS, _flag),
+    **dict.fromkeys(_FLAGS, as_flag),
     "chunk": _number,
     "horizon": _number,
     "look": _look,
@@ -331,11 +225,15 @@ _FORMS: Mapping[str, Callable[[Any], Any]] = {
 """Functions that give a looser value the form of its field, and leave anything else as it is."""
 
 
+_SIZED = {HEAD: (128, 128)}
+"""Sizes by name, for messages."""
+
+
 def _check_cameras(config: EnvConfig) -> None:
     if not isinstance(config.cameras, tuple):
         raise OptionError(
             "cameras is True, False, a camera, a list of them, or sizes by name, such as "
-            f"{{'head': (128, 128)}}; got {config.cameras!r}."
+            f"{_SIZED}; got {config.cameras!r}."
         )
     for name in (DEPTH, SEGMENTATION):
         value = getattr(config, name)
@@ -350,7 +248,7 @@ def _check_cameras(config: EnvConfig) -> None:
             )
     if not isinstance(config.image_sizes, Mapping):
         raise OptionError(
-            "image_sizes is sizes by the name of a camera, such as {'head': (128, 128)}; got "
+            f"image_sizes is sizes by the name of a camera, such as {_SIZED}; got "
             f"{config.image_sizes!r}."
         )
     for name, size in config.image_sizes.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -14,12 +15,14 @@ from duobench.core.backend import (
     RGB,
     SEGMENTATION,
     CameraGeometry,
+    DuoBackend,
     Wanted,
 )
 from duobench.core.errors import OptionError
 from duobench.core.randomness import EVAL
 from duobench.core.types import Array, as_several
-from duobench.envs.config import IMAGE_SIZE, name_of, wanted_images
+from duobench.envs.camera_options import name_of, wanted_images
+from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import (
     DuoWrapper,
     Observation,
@@ -35,12 +38,15 @@ from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import level_for
 from duobench.tasks.shifts.samples import EpisodeKey
 from duobench.tasks.shifts.shift import SENSING, Shift
+from duobench.world.objects.segmentation import CAMERA, GRIPPERS, MOUNT
+from duobench.world.robot.camera_geometry import named
 from duobench.world.robot.cameras import (
     FARTHEST,
     POLICY_CAMERAS,
     Camera,
     check_image_size,
 )
+from duobench.world.robot.stereo import StereoQuality, measured_depth
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
@@ -238,9 +244,11 @@ class Sensing(DuoWrapper):
     """Gives observations as worse sensors would, from the seed of the layout; physics stay.
 
     Every camera takes a frame each control step, and drops it with a probability: then it shows the
-    state of the last frame that it did not drop. Joint positions, openings, positions of tools and
-    the numbers of objects have Gaussian noise that is new at every step. What an episode meets does
-    not depend on who asks for images, or when. Noise in images belongs to the look.
+    state of the last frame that it did not drop, in all kinds of images. Depth is measured as a
+    stereo camera does, by `duobench.world.robot.stereo.measured_depth`. Joint positions, openings,
+    positions of tools and the numbers of objects have Gaussian noise that is new at every step.
+    What an episode meets does not depend on who asks for images, or when. Noise in colours belongs
+    to the look.
 
     Args:
         env: A simulated environment with its cameras, if it has any.
@@ -253,7 +261,24 @@ class Sensing(DuoWrapper):
         super().__init__(env, shift=shift)
         self._level = level_for(shift, SENSING, self.task)
         self._base = sim_of(env)
+        try:
+            self._wanted: Wanted = env.get_wrapper_attr("wanted")
+        except AttributeError:  # there are no cameras inside
+            self._wanted = {}
+        self._cameras = {
+            name_of(camera): camera
+            for sizes in self._wanted.values()
+            for camera in sizes
+        }
+        self._own = sorted(self._cameras.keys() - {*POLICY_CAMERAS})
+        self._quality = StereoQuality(
+            subpixel=levels.DEPTH_SUBPIXEL[self._level],
+            farthest=levels.DEPTH_FARTHEST[self._level],
+            shiny_share=levels.DEPTH_SHINY_SHARE[self._level],
+        )
+        self._seed = 0
         self._generator = self._frames = np.random.default_rng(0)
+        self._own_frames: dict[str, np.random.Generator] = {}
         self._ages: dict[str, int] = {}
         self._past: deque[Array] = deque(maxlen=MAX_AGE + 1)
         self._past_backend: SimBackend | None = None
@@ -264,6 +289,10 @@ class Sensing(DuoWrapper):
         split = info.get("split") or EVAL
         key = EpisodeKey(task=self.task, seed=info.get("seed") or 0, split=split)
         self._generator, self._frames = key.generator(SENSING), key.generator(_FRAMES)
+        self._own_frames = {
+            name: key.generator(f"{_FRAMES} {name}") for name in self._own
+        }
+        self._seed = key.seed
         self._begin()
         return self._sensed(observation), info
 
@@ -273,7 +302,9 @@ class Sensing(DuoWrapper):
         self._past.append(self._base.simulation.get_state())
         # Every camera has its number, also one that is not used.
         chances = self._frames.uniform(size=len(POLICY_CAMERAS)).tolist()
-        for camera, chance in zip(POLICY_CAMERAS, chances, strict=True):
+        chances += [float(each.uniform()) for each in self._own_frames.values()]
+        cameras = (*POLICY_CAMERAS, *self._own)
+        for camera, chance in zip(cameras, chances, strict=True):
             is_dropped = chance < levels.DROPPED_SHARE[self._level]
             age = self._ages[camera]
             self._ages[camera] = age + 1 if is_dropped and age < MAX_AGE else 0
@@ -288,6 +319,10 @@ class Sensing(DuoWrapper):
         seed = int(state.hash, 16)
         self._generator = np.random.default_rng((seed, 0))
         self._frames = np.random.default_rng((seed, 1))
+        self._own_frames = {
+            name: np.random.default_rng((seed, 2, *name.encode())) for name in self._own
+        }
+        self._seed = seed
         self._begin()
         return self._sensed(observation), info
 
@@ -299,7 +334,7 @@ class Sensing(DuoWrapper):
         super().close()
 
     def _begin(self) -> None:
-        self._ages = dict.fromkeys(POLICY_CAMERAS, 0)
+        self._ages = dict.fromkeys((*POLICY_CAMERAS, *self._own), 0)
         self._past.clear()
         self._past.append(self._base.simulation.get_state())
 
@@ -311,13 +346,8 @@ class Sensing(DuoWrapper):
         poses = sensed["tcp_pose"].reshape(-1, _TOOL).copy()
         poses[:, :3] = self._noisy(poses[:, :3], levels.POSE_NOISE[self._level])
         sensed["tcp_pose"] = poses.ravel()
-        if PIXELS in sensed:
-            late = {
-                camera: self._seen(camera, age, image.shape[:2])
-                for camera, image in sensed[PIXELS].items()
-                if (age := self._ages[camera])
-            }
-            sensed[PIXELS] = {**sensed[PIXELS], **late}
+        for kind, images in self._images(sensed).items():
+            sensed[KEYS[kind]] = images
         space: Any = self.observation_space
         for name in sensed.keys() & {*NOISY, "tcp_pose"}:
             sensed[name] = np.clip(sensed[name], space[name].low, space[name].high)
@@ -327,12 +357,47 @@ class Sensing(DuoWrapper):
         noise = self._generator.standard_normal(numbers.shape) * deviation
         return (numbers + noise).astype(numbers.dtype)
 
-    def _seen(
-        self,
-        camera: str,
-        age: int,
-        shape: tuple[int, int],
-    ) -> Any:
+    def _images(self, observation: Observation) -> dict[str, dict[str, Any]]:
+        """Images of an observation as its cameras show them: late, and with measured depth."""
+        shown = {
+            kind: dict(observation[KEYS[kind]])
+            for kind in self._wanted
+            if KEYS[kind] in observation
+        }
+        for name, camera in self._cameras.items() if shown else ():
+            kinds = [kind for kind in shown if name in shown[kind]]
+            if not self._ages[name]:
+                kinds = [kind for kind in kinds if kind == DEPTH]
+            size = next(
+                sizes[camera] for sizes in self._wanted.values() if camera in sizes
+            )
+            # What is shiny is told by the parts that pixels show.
+            more = (SEGMENTATION,) if DEPTH in kinds else ()
+            wanted = {kind: {camera: size} for kind in (*kinds, *more)}
+            images = self._backend_at(self._ages[name]).images_by_kind(wanted)
+            for kind in kinds:
+                shown[kind][name] = images[kind][name]
+            if more:
+                shown[DEPTH][name] = measured_depth(
+                    images[DEPTH][name],
+                    np.isin(images[SEGMENTATION][name], self._shiny),
+                    named(camera),
+                    self._quality,
+                    f"{self._seed}".encode()
+                    + self._past[-1 - self._ages[name]].tobytes(),
+                )
+        return shown
+
+    @cached_property
+    def _shiny(self) -> list[int]:
+        """Numbers of the parts that are of bare metal and glass; objects are printed, so matt."""
+        ids = self.segmentation_ids
+        return [ids[part] for part in (*GRIPPERS.values(), CAMERA, MOUNT)]
+
+    def _backend_at(self, age: int) -> DuoBackend:
+        """Arms as they were some control steps ago."""
+        if not age:
+            return self._base.backend
         if self._past_backend is None:
             from duobench.world.sim.backend import SimBackend
             from duobench.world.sim.simulation import Simulation
@@ -343,4 +408,4 @@ class Sensing(DuoWrapper):
         backend.set_look(self._base.look)
         backend.simulation.apply(self._base.layout)
         backend.simulation.set_state(self._past[-1 - age])
-        return backend.images((camera,), shape)[camera]
+        return backend

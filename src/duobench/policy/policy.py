@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.core.backend import DEPTH, SEGMENTATION
-from duobench.core.errors import OptionError, PolicyError, escaped
+from duobench.core.errors import DuoBenchError, PolicyError, escaped
 from duobench.core.types import (
     FLAT_SIZE,
     as_count,
@@ -18,7 +18,7 @@ from duobench.core.types import (
     as_size,
     real_array,
 )
-from duobench.envs.config import CAMERA_OPTIONS, camera_options, name_of
+from duobench.envs.camera_options import CAMERA_OPTIONS, camera_options, name_of
 from duobench.world.robot.cameras import POLICY_CAMERAS, Camera
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class PolicyMetadata:
             given = {name: getattr(self, name) for name in CAMERA_OPTIONS}
             for name, value in camera_options(given).items():
                 object.__setattr__(self, name, value)
-        except OptionError as error:
+        except DuoBenchError as error:
             raise PolicyError(f"What a policy sees is invalid: {error}") from error
         for name, convert in _CONVERSIONS.items():
             try:
@@ -127,9 +127,17 @@ def _names(value: Any) -> tuple[Any, ...]:
 
 
 _size = _or_none(as_size, "it is (height, width) in pixels, or one number for a square")
+
+
+def _sizes(value: Any) -> dict[str, object]:
+    if not isinstance(value, Mapping):
+        raise TypeError("it is sizes by the name of a camera")
+    return {name: _size(size) for name, size in value.items()}
+
+
 _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     **dict.fromkeys(("cameras", DEPTH, SEGMENTATION), _names),
-    "image_sizes": lambda sizes: {name: _size(size) for name, size in sizes.items()},
+    "image_sizes": _sizes,
     "image_size": _size,
     "horizon": _or_none(as_count, "it is at least 1 action"),
     "object_state": bool,

@@ -17,7 +17,7 @@ from duobench.core.backend import DEPTH, SEGMENTATION, Image, Wanted
 from duobench.core.errors import BackendError, DataError, OptionError, check_known
 from duobench.core.spatial import SE3
 from duobench.core.types import Array
-from duobench.envs.config import name_of
+from duobench.envs.camera_options import name_of
 from duobench.real.devices import Camera, Depth, Frame
 from duobench.real.rig import CameraCalibration, CameraConfig
 from duobench.world.robot.cameras import (
@@ -208,23 +208,17 @@ def check_seen(wanted: Wanted, cameras: Mapping[str, CameraConfig]) -> None:
     """
     for kind, sizes in wanted.items():
         for camera in sizes:
-            name = name_of(camera)
-            if name != camera:
+            if not isinstance(camera, str) or kind == SEGMENTATION:
                 raise BackendError(
-                    f"The camera {name!r} is of a simulation alone; this rig has "
-                    f"{', '.join(cameras) or 'none'}."
+                    "A rig gives images and depth of its own cameras alone; cameras of one's own, "
+                    f"and segmentation, need a simulation. Got {kind} of {name_of(camera)!r}."
                 )
-            check_known("camera of this rig", name, cameras)
-            if kind == SEGMENTATION:
+            check_known("camera of this rig", camera, cameras)
+            if kind == DEPTH and not cameras[camera].depth:
+                able = [name for name, config in cameras.items() if config.depth]
                 raise BackendError(
-                    "Which part of the scene a pixel shows is known to a simulation alone; a rig "
-                    "gives images and depth."
-                )
-            if kind == DEPTH and not cameras[name].depth:
-                able = [each for each, config in cameras.items() if config.depth]
-                raise BackendError(
-                    f"The camera {name} of this rig gives no depth; {', '.join(able) or 'none'} "
-                    "does. A ZED Mini gives colour alone; for a RealSense camera set `depth` to "
+                    f"The camera {camera} of this rig gives no depth; {', '.join(able) or 'none'} "
+                    "does. A ZED Mini gives colour alone; a RealSense camera has `depth` set to "
                     "true in the rig's file."
                 )
 

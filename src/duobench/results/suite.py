@@ -297,6 +297,9 @@ class SuiteChoice:
         )
 
 
+_USUAL = EnvConfig()
+
+
 def extra_sensing(config: EnvConfig) -> str:
     """What a policy sees beyond images of the robot's cameras, in words; empty for nothing."""
     own = [camera.name for camera in config.cameras if isinstance(camera, Camera)]
@@ -305,12 +308,12 @@ def extra_sensing(config: EnvConfig) -> str:
         "depth": config.depth,
         "segmentation": config.segmentation,
     }
-    return " and ".join(
+    return ", ".join(
         f"{what} ({', '.join(names)})" for what, names in extra.items() if names
     )
 
 
-def deviations(suite: Suite, config: EnvConfig) -> list[str]:
+def deviations(suite: Suite, config: EnvConfig = _USUAL) -> list[str]:
     """Differences from the suite of its name, one phrase each, also in what a policy sees.
 
     Empty for a revision that this version does not know.
@@ -335,7 +338,7 @@ def deviations(suite: Suite, config: EnvConfig) -> list[str]:
     return [phrase for phrase, differs in differing.items() if differs]
 
 
-def suite_text(suite: Suite, config: EnvConfig) -> str:
+def suite_text(suite: Suite, config: EnvConfig = _USUAL) -> str:
     """Name and version of a suite for people, with how it differs from what the name stands for."""
     if suite.name == CUSTOM:
         return CUSTOM

@@ -1,5 +1,6 @@
 """The client against our server, against servers as others write them, and against bad ones."""
 
+import hashlib
 import socket
 import threading
 import time
@@ -26,6 +27,7 @@ from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import MAX_REPLY, reply_bytes
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.results.run import TimeLimits
+from duobench.world.robot.cameras import Camera
 from tests.evaluation.processes import wait_until
 from tests.policy.serving.serving import (
     BATCHING,
@@ -62,6 +64,50 @@ def test_served_policy_answers_like_the_policy_itself(serve: Serve, remote: Conn
     assert policy.batching == BATCHING
     for seed in (1, 2, 1):
         assert played(policy, seed) == played(local, seed)
+
+
+class Sums(Network):
+    """Gives a sum over all bits that each camera shows, with its weight by place."""
+
+    metadata = PolicyMetadata(
+        name="sums",
+        version="1",
+        cameras=("head", {"name": "side", "position": (0, 1, 1), "look_at": (0, 0, 0)}),  # type: ignore[arg-type]
+        depth=True,  # type: ignore[arg-type]
+        segmentation=True,  # type: ignore[arg-type]
+        image_sizes={"side": (24, 32)},
+    )
+
+    def act_batch(self, sessions: Any, observations: Any) -> Any:  # noqa: ARG002 - all the same
+        return [self.sums(each) for each in observations]
+
+    @staticmethod
+    def sums(seen: Any) -> np.ndarray:
+        chunk = np.zeros((1, 16), np.float32)
+        for kind, dtype in (("pixels", "u1"), ("depth", "<f4"), ("segmentation", "<i4")):
+            for image in seen[kind].values():
+                assert image.dtype == dtype
+                digest = hashlib.sha256(np.ascontiguousarray(image)).digest()
+                chunk += np.frombuffer(digest, np.uint16).astype(np.float32)
+        return chunk
+
+
+def test_depth_and_parts_reach_a_served_policy_to_the_bit(serve: Serve, remote: Connect) -> None:
+    policy, rng = remote(serve(Sums())), np.random.default_rng(0)
+    assert policy.metadata == Sums.metadata
+    assert isinstance(policy.metadata.cameras[1], Camera)
+    policy.reset("Look.", 0)
+    for height, width in ((24, 32), (720, 1280)):  # 20 MB, more than three images of colour
+        shape = height, width
+        seen = {
+            "agent_pos": np.zeros(16, np.float32),
+            "pixels": {"head": rng.integers(0, 256, (*shape, 3), np.uint8)},
+            "depth": {name: rng.random(shape, np.float32) for name in ("head", "side")},
+            "segmentation": {
+                name: rng.integers(-1, 2**31 - 1, shape, np.int32) for name in ("head", "side")
+            },
+        }
+        np.testing.assert_array_equal(policy.act(seen), Sums.sums(seen))
 
 
 class Bereft(Network):

@@ -13,9 +13,14 @@ from duobench.cli.shared.process import raising
 from duobench.cli.shared.progress import display
 from duobench.core.errors import SeveralTasksError
 from duobench.core.files import taken_back
-from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptions
+from duobench.data.lerobot.options import (
+    EpisodeChoice,
+    ExportForm,
+    ExportImages,
+    ExportOptions,
+)
 
-_EPISODES, _FORM = EpisodeChoice(), ExportForm()
+_EPISODES, _IMAGES, _FORM = EpisodeChoice(), ExportImages(), ExportForm()
 _ADVICE: Advice = {
     SeveralTasksError: "With --per-task one command does that.",
     **FOREIGN,
@@ -26,6 +31,7 @@ def run(
     data: tyro.conf.Positional[tuple[Path, ...]],
     out: Path,
     episodes: tyro.conf.OmitArgPrefixes[EpisodeChoice] = _EPISODES,
+    images: tyro.conf.OmitArgPrefixes[ExportImages] = _IMAGES,
     export: tyro.conf.OmitArgPrefixes[ExportForm] = _FORM,
     per_task: bool = False,
     workers: int = 1,
@@ -40,7 +46,8 @@ def run(
         data: Folder of the data set, or of several, simulated and real ones too.
         out: Folder of the export.
         episodes: Which episodes are exported.
-        export: What is exported of them, and how.
+        images: What cameras show of them.
+        export: What else is exported of them, and how.
         per_task: Write one data set a task, each in a folder of its name; object states of several
             tasks need it.
         workers: Processes that render and encode side by side.
@@ -62,7 +69,7 @@ def run(
         done = export_lerobot(
             sources,
             out,
-            ExportOptions(**vars(episodes), **vars(export)),
+            ExportOptions(**vars(episodes), **vars(images), **vars(export)),
             per_task=per_task,
             workers=workers,
             progress=shown.tell,

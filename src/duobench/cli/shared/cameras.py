@@ -8,6 +8,7 @@ from tyro.constructors import (
     PrimitiveTypeInfo,
 )
 
+from duobench.cli.shared.advice import AdvisedError
 from duobench.core.references import load
 from duobench.core.settings import decode, parse
 from duobench.world.robot.cameras import Camera
@@ -19,7 +20,10 @@ REGISTRY = ConstructorRegistry()
 def read_camera(text: str) -> str | Camera:
     """A camera of one's own in JSON, or of a path `module:NAME`; anything else is a name."""
     if text.startswith("{"):
-        return decode(parse(text), Camera, "camera")
+        try:
+            return decode(parse(text), Camera, "camera")
+        except ValueError as error:
+            raise AdvisedError(f"{text} is no camera: {error}") from error
     if ":" in text:
         return load(text, "camera", lambda value: isinstance(value, Camera))
     return text

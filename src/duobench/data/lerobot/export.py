@@ -55,12 +55,12 @@ from duobench.data.lerobot.folder import (
     schema,
 )
 from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
-from duobench.data.lerobot.options import ActionSource, ExportForm, ExportOptions
+from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.rewards import rewards_of
 from duobench.data.schema import Domain
 from duobench.envs.action_modes import CARTESIAN, JOINT
-from duobench.envs.config import name_of
+from duobench.envs.camera_options import name_of
 from duobench.envs.rewards import DENSE, PROGRESS, STAGE
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import RANDOM
@@ -353,7 +353,7 @@ def _exporter(
                 f"{path} has changed since the export began; begin it anew."
             )
         actions, residual = labels_of(recording, options.action, options.action_source)
-        counts = no_counts(options)
+        counts = {name: no_counts(is_depth=name in depth_of) for name in options.videos}
         offset = options.pairing.offset
         shown = range(offset, offset + len(recording), options.every)
         source = None
@@ -448,7 +448,7 @@ def _frames(
 def write_videos(
     frames: Iterable[Mapping[str, Frame]],
     paths: Mapping[str, Path],
-    options: ExportForm,
+    options: ExportOptions,
 ) -> None:
     """Encode videos side by side, some of depth; each is whole or absent after a kill."""
     with ExitStack() as stack:

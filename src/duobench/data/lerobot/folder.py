@@ -23,7 +23,7 @@ from duobench.core.lerobot_keys import (
 )
 from duobench.core.video import HEVC12
 from duobench.data.lerobot import depth
-from duobench.data.lerobot.options import ExportForm, ExportOptions, Format
+from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
 from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
@@ -318,7 +318,7 @@ def describe(
     return numbers | images | scalars
 
 
-def _describe_video(size: tuple[int, int], options: ExportForm) -> dict[str, Any]:
+def _describe_video(size: tuple[int, int], options: ExportOptions) -> dict[str, Any]:
     """Entry of `meta/info.json` about a video, under the keys that LeRobot's own writer uses."""
     encoding = options.codec.encoding
     preset = encoding.options["preset"]

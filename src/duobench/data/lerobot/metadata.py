@@ -28,7 +28,7 @@ from duobench.data.lerobot.folder import (
     describe,
     image_key,
 )
-from duobench.data.lerobot.options import ExportOptions, Format
+from duobench.data.lerobot.options import Format
 from duobench.data.recording import to_bytes, to_numpy
 
 ROBOT = "franka_fr3_duo"
@@ -53,7 +53,8 @@ def finish(folder: ExportFolder, export: Export) -> list[Residual]:
     videos = export.options.videos
     names = columns(export.vectors)
     read: list[dict[str, NDArray[Any]]] = []
-    counts = no_counts(export.options)
+    depths = export.options.depth_of
+    counts = {name: no_counts(is_depth=name in depths) for name in videos}
     residuals: list[Residual] = []
     numbers: list[_Lists] = []
     cameras: dict[str, Any] = {}
@@ -216,15 +217,10 @@ def of_rows(rows: NDArray[Any]) -> Statistics:
     return numbers | dict(zip(QUANTILES, quantiles, strict=True))
 
 
-def no_counts(options: ExportOptions) -> dict[str, Counts]:
-    """Counts of no image, for each video by its name."""
-    of_depth = 1, depth.CODES
-    return {
-        name: np.zeros(
-            of_depth if name in options.depth_of else (CHANNELS, LEVELS), dtype=np.int64
-        )
-        for name in options.videos
-    }
+def no_counts(*, is_depth: bool = False) -> Counts:
+    """Counts of no image, or of no depth."""
+    shape = (1, depth.CODES) if is_depth else (CHANNELS, LEVELS)
+    return np.zeros(shape, dtype=np.int64)
 
 
 def count_values(counts: Counts, image: Frame) -> None:

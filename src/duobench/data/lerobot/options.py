@@ -7,12 +7,14 @@ from typing import Any
 
 from duobench.core.backend import DEPTH, RGB, Wanted
 from duobench.core.errors import DataError, OptionError, check_known
+from duobench.core.lerobot_keys import DEPTH_SUFFIX
 from duobench.core.types import CONTROL_HZ, as_several, as_size
 from duobench.core.video import AV1, DATA_H264, Codec
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT
-from duobench.envs.config import IMAGE_SIZE, EnvConfig, name_of
+from duobench.envs.camera_options import name_of
+from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.rewards import DENSE, PROGRESS, REWARDS
 from duobench.envs.state_labels import StatePart
 from duobench.world.looks import catalog as looks
@@ -21,8 +23,6 @@ from duobench.world.robot.cameras import POLICY_CAMERAS, Camera, check_image_siz
 
 LEAST_SIZE, LEAST_DEPTH_SIZE = 4, 16
 """Pixels along an edge of a video that the encoder of images, and that of depth, takes at least."""
-DEPTH_SUFFIX = "_depth"
-"""Ending of the name of a camera's depth, as LeRobot's robots have it."""
 PER_EPISODE = "random_per_episode"
 """A random look for each episode, another one each; `:SEED` may follow."""
 
@@ -90,12 +90,7 @@ class VideoCodec(StrEnum):
         return AV1 if self is VideoCodec.AV1 else DATA_H264
 
 
-_KINDS = {
-    "format": Format,
-    "pairing": Pairing,
-    "action_source": ActionSource,
-    "codec": VideoCodec,
-}
+_KINDS = {"format": Format, "pairing": Pairing, "action_source": ActionSource}
 """Options that are one of some words."""
 
 
@@ -159,8 +154,8 @@ class EpisodeChoice:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportForm:
-    """In what form they are exported."""
+class ExportImages:
+    """What cameras show of them."""
 
     cameras: tuple[str | Camera, ...] = POLICY_CAMERAS
     """Cameras whose images are rendered; without any, or with "none" alone, there are no images.
@@ -177,6 +172,91 @@ class ExportForm:
     """How rendered images look, such as wood_table or random:7; see the page looks. In
     random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
     others."""
+    codec: VideoCodec = VideoCodec.AV1
+    """Encoding of images: av1, to publish, or h264, in a fifth of the time and twice the size."""
+
+    def __post_init__(self) -> None:
+        check_known("codec", self.codec, [*map(str, VideoCodec)])
+        _set(self, "codec", VideoCodec(self.codec))
+        _set(self, "size", _checked_size(self.size))
+        name, colon, seed = self.look.partition(":")
+        if f"{name}:" != RANDOM:
+            check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
+        try:
+            as_look(
+                f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look
+            )
+        except OptionError as error:
+            raise DataError(
+                f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "
+                f"{PER_EPISODE} or {PER_EPISODE}:SEED, one for each; got {self.look!r}."
+            ) from error
+        self._set_cameras()
+
+    def _set_cameras(self) -> None:
+        is_none = self.cameras in ("none", ("none",))
+        given = () if is_none else _several("camera", self.cameras)
+        seen = EnvConfig.from_options({"cameras": given, "depth": self.depth})
+        _set(self, "cameras", tuple(dict.fromkeys(seen.cameras)))
+        _set(self, "depth", tuple(dict.fromkeys(seen.depth)))
+        has_looks = self.look_numbers is not None
+        _set(self, "geometry", self.geometry or bool(self.depth and not has_looks))
+        if self.geometry and has_looks:
+            raise DataError(
+                "Where cameras are is exported in one look for all episodes; in "
+                f"{self.look!r} each has others."
+            )
+        for name in map(name_of, self.cameras):
+            if name in self.depth_of:
+                raise DataError(f"Depth of another camera is called {name!r} here.")
+        for name, size in self.videos.items():
+            _checked_size(
+                size, LEAST_DEPTH_SIZE if name in self.depth_of else LEAST_SIZE
+            )
+
+    @property
+    def wanted(self) -> Wanted:
+        """Images that are rendered, by kind and camera, with their sizes."""
+        options = {
+            "cameras": self.cameras,
+            "depth": self.depth,
+            "image_size": self.size,
+        }
+        return EnvConfig.from_options(options).wanted
+
+    @property
+    def seen(self) -> tuple[str | Camera, ...]:
+        """Cameras of which there are images or depth: of one's own as they are, others by name."""
+        every: Any = (camera for sizes in self.wanted.values() for camera in sizes)
+        return tuple(dict.fromkeys(every))
+
+    @property
+    def depth_of(self) -> dict[str, str]:
+        """The camera of each video of depth, by the video's name."""
+        names = map(name_of, self.wanted.get(DEPTH, ()))
+        return {f"{name}{DEPTH_SUFFIX}": name for name in names}
+
+    @property
+    def videos(self) -> dict[str, tuple[int, int]]:
+        """Height and width of each video by its name: images of cameras, then depth."""
+        images = self.wanted.get(RGB, {}).items()
+        depths = self.wanted.get(DEPTH, {}).values()
+        return {
+            **{name_of(camera): size for camera, size in images},
+            **dict(zip(self.depth_of, depths, strict=True)),
+        }
+
+    @property
+    def look_numbers(self) -> int | None:
+        """Seed of the looks where each episode has its own; None where all have one."""
+        name, _, seed = self.look.partition(":")
+        return int(seed or 0) if name == PER_EPISODE else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportForm:
+    """In what form they are exported."""
+
     format: Format = Format.V30
     """Version of LeRobot's format: v3.0, or v2.1 with what openpi and Isaac-GR00T want beside."""
     pairing: Pairing = Pairing.CAUSAL
@@ -201,8 +281,6 @@ class ExportForm:
     every: int = 1
     """Export each so many rows, from the first one on: a divisor of 30. Rewards are those of all
     rows, added up."""
-    codec: VideoCodec = VideoCodec.AV1
-    """Encoding of images: av1, to publish, or h264, in a fifth of the time and twice the size."""
 
     def __post_init__(self) -> None:
         for name, kind in _KINDS.items():
@@ -213,20 +291,6 @@ class ExportForm:
         check_known("action mode of an export", self.action, LABELS)
         check_known("reward", self.reward, REWARDS)
         self._check_every()
-        _set(self, "size", _checked_size(self.size))
-        self._set_cameras()
-        name, colon, seed = self.look.partition(":")
-        if f"{name}:" != RANDOM:
-            check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
-        try:
-            as_look(
-                f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look
-            )
-        except OptionError as error:
-            raise DataError(
-                f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "
-                f"{PER_EPISODE} or {PER_EPISODE}:SEED, one for each; got {self.look!r}."
-            ) from error
 
     def _check_every(self) -> None:
         rate = int(CONTROL_HZ)
@@ -242,83 +306,26 @@ class ExportForm:
                 f"{self.every} alone they lead elsewhere. Export targets, or every row."
             )
 
-    def _set_cameras(self) -> None:
-        is_none = self.cameras in ("none", ("none",))
-        given = () if is_none else _several("camera", self.cameras)
-        seen = EnvConfig.from_options({"cameras": given, "depth": self.depth})
-        _set(self, "cameras", tuple(dict.fromkeys(seen.cameras)))
-        _set(self, "depth", tuple(dict.fromkeys(seen.depth)))
-        has_looks = self.look_numbers is not None
-        _set(self, "geometry", self.geometry or bool(self.depth and not has_looks))
-        if self.depth and self.format is Format.V21:
-            raise DataError(
-                f"Depth maps need format {Format.V30}; {Format.V21} has none."
-            )
-        if self.geometry and has_looks:
-            raise DataError(
-                "Where cameras are is exported in one look for all episodes; in "
-                f"{self.look!r} each has others."
-            )
-        for name, size in self.videos.items():
-            _checked_size(
-                size, LEAST_DEPTH_SIZE if name in self.depth_of else LEAST_SIZE
-            )
-
-    @property
-    def wanted(self) -> Wanted:
-        """Images that are rendered, by kind and camera, with their sizes."""
-        options = {
-            "cameras": self.cameras,
-            "depth": self.depth,
-            "image_size": self.size,
-        }
-        return EnvConfig.from_options(options).wanted
-
-    @property
-    def seen(self) -> tuple[str | Camera, ...]:
-        """Cameras of which there are images or depth: of one's own as they are, others by name."""
-        own = {name_of(camera): camera for camera in self.cameras}
-        return *own.values(), *(
-            name for name in self.depth_of.values() if name not in own
-        )
-
-    @property
-    def depth_of(self) -> dict[str, str]:
-        """The camera of each video of depth, by the video's name."""
-        names = map(name_of, self.wanted.get(DEPTH, ()))
-        return {f"{name}{DEPTH_SUFFIX}": name for name in names}
-
-    @property
-    def videos(self) -> dict[str, tuple[int, int]]:
-        """Height and width of each video by its name: images of cameras, then depth."""
-        images = self.wanted.get(RGB, {}).items()
-        depths = self.wanted.get(DEPTH, {}).values()
-        return {
-            **{name_of(camera): size for camera, size in images},
-            **dict(zip(self.depth_of, depths, strict=True)),
-        }
-
-    @property
-    def shows_states(self) -> bool:
-        """Whether recorded states are shown in the simulation, for what follows from them."""
-        return bool(self.seen) or self.object_state or self.reward == DENSE
-
     @property
     def fps(self) -> int:
         """Rows a second."""
         return int(CONTROL_HZ) // self.every
 
-    @property
-    def look_numbers(self) -> int | None:
-        """Seed of the looks where each episode has its own; None where all have one."""
-        name, _, seed = self.look.partition(":")
-        return int(seed or 0) if name == PER_EPISODE else None
-
 
 @dataclass(frozen=True, kw_only=True)
-class ExportOptions(ExportForm, EpisodeChoice):
+class ExportOptions(ExportForm, ExportImages, EpisodeChoice):
     """Options of an export; the defaults suit the evaluation's environment."""
 
     def __post_init__(self) -> None:
-        ExportForm.__post_init__(self)
         EpisodeChoice.__post_init__(self)
+        ExportImages.__post_init__(self)
+        ExportForm.__post_init__(self)
+        if self.depth and self.format is Format.V21:
+            raise DataError(
+                f"Depth maps need format {Format.V30}; {Format.V21} has none."
+            )
+
+    @property
+    def shows_states(self) -> bool:
+        """Whether recorded states are shown in the simulation, for what follows from them."""
+        return bool(self.seen) or self.object_state or self.reward == DENSE

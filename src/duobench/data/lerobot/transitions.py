@@ -14,7 +14,6 @@ from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
 from duobench.data.rewards import rewards_of
-from duobench.data.schema import EpisodeInfo
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import ACTION_MODES, JOINT, JOINT_RELATIVE
 from duobench.envs.rewards import DENSE, PROGRESS, REWARDS
@@ -25,8 +24,8 @@ from duobench.world.robot.joints import HOME_JOINTS
 class Transitions:
     """The T control steps of an episode until its success, or until its end."""
 
-    info: EpisodeInfo
-    """Facts about the episode."""
+    recording: Recording
+    """The episode as far, whose rows `ImageSource` shows."""
     observation: dict[str, NDArray[np.float32]]
     """What was seen before each step (T, n), by the names of the environment."""
     action: NDArray[np.float32]
@@ -98,7 +97,7 @@ def _transitions(
     is_last = np.arange(len(recording)) == len(recording) - 1
     is_solved = recording.success_step is not None
     return Transitions(
-        info=recording.info,
+        recording=recording,
         observation={name: rows[:-1] for name, rows in seen.items()},
         next_observation={name: rows[1:] for name, rows in seen.items()},
         action=_sent(recording, mode),

@@ -12,7 +12,7 @@ from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.real.canonical import CanonicalView
 from duobench.real.catalog import HARDWARE_GRIPPER, is_computed
-from duobench.real.devices import ArmReading
+from duobench.real.devices import ArmReading, Camera
 from duobench.real.doctor.checks import Check, CheckOutcome
 from duobench.real.doctor.computer import computer_checks
 from duobench.real.duo import FrankaDuo
@@ -30,6 +30,8 @@ LONGEST_ANSWER_S = 0.02
 """Longest median answer of a gripper; the timer of an adapter adds 16 ms unless turned off."""
 LEAST_COVERAGE = 0.98
 """Share of the canonical image that a camera should see."""
+LEAST_DEPTH = 0.5
+"""Share of the pixels whose depth a camera should know [choice]."""
 
 
 class _Measurement:
@@ -179,6 +181,8 @@ def _camera_checks(
     yield CheckOutcome.FAILED.unless(
         not (is_slow or is_old or is_rare), title, value, advice
     )
+    if config.depth:
+        yield _depth_check(title, camera)
     if is_computed("cameras", config.driver):
         return
     if config.exposure_us is None:
@@ -199,6 +203,16 @@ def _camera_checks(
         f"{coverage:.1%} of the simulation's image"
     )
     yield CheckOutcome.NOTE.unless(coverage >= LEAST_COVERAGE, title, value)
+
+
+def _depth_check(title: str, camera: Camera) -> Check:
+    name, frame = f"{title}'s depth", camera.latest()
+    if frame is None or frame.depth is None:
+        return CheckOutcome.FAILED.of(name, "it gives none, and the rig's file says so")
+    share = float(np.mean(frame.depth > 0.0))
+    value = f"known in {share:.0%} of its pixels"
+    advice = "Clean its windows, light the table, and look at it from 7 to 50 cm."
+    return CheckOutcome.NOTE.unless(share >= LEAST_DEPTH, name, value, advice)
 
 
 # --- the place of the head camera ----------------------------------------------------------------

@@ -21,10 +21,7 @@ from duobench.world.robot.cameras import (
 )
 from duobench.world.robot.gripper import GRIPPER
 
-Offset = tuple[SE3, float]
-"""Pose of a camera in the nominal one, with MuJoCo's axes, and radians that are added to its
-vertical field of view."""
-NO_OFFSETS: Mapping[str, Offset] = {}
+NO_OFFSETS: Mapping[str, tuple[SE3, float]] = {}
 
 
 def named(camera: Any) -> RobotCamera | Camera:
@@ -35,36 +32,16 @@ def named(camera: Any) -> RobotCamera | Camera:
     return CAMERAS[camera]
 
 
-def focal_lengths(
-    camera: RobotCamera | Camera, size: tuple[int, int]
-) -> tuple[float, float]:
-    """Focal lengths across and down in pixels of an image of a size (height, width)."""
+def matrix_of(camera: RobotCamera | Camera, size: tuple[int, int]) -> Array:
+    """Intrinsic matrix K (3, 3) in pixels of an image of a size; see `CameraGeometry`."""
     height, width = size
-    if isinstance(camera, RobotCamera):
-        return (
-            camera.focal * width / NATIVE_WIDTH,
-            camera.focal * height / NATIVE_HEIGHT,
-        )
-    focal = height / 2 / math.tan(math.radians(camera.fovy_deg) / 2)
-    return focal, focal
-
-
-def matrix_of(
-    camera: RobotCamera | Camera, size: tuple[int, int], widening: float = 1.0
-) -> Array:
-    """Intrinsic matrix K (3, 3) in pixels of an image of a size; see `CameraGeometry`.
-
-    A view that is widened by 2 shows everything half as large.
-    """
-    height, width = size
-    across, down = focal_lengths(camera, size)
-    return np.array(
-        [
-            [across / widening, 0.0, (width - 1) / 2],
-            [0.0, down / widening, (height - 1) / 2],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    if isinstance(camera, Camera):
+        down = across = height / 2 / math.tan(math.radians(camera.fovy_deg) / 2)
+    else:
+        across = camera.focal * width / NATIVE_WIDTH
+        down = camera.focal * height / NATIVE_HEIGHT
+    middle = (width - 1) / 2, (height - 1) / 2
+    return np.array([[across, 0, middle[0]], [0, down, middle[1]], [0, 0, 1]])
 
 
 def mount_pose(arm: Side | None, tcp_poses: Array) -> SE3:
@@ -78,27 +55,27 @@ def mount_pose(arm: Side | None, tcp_poses: Array) -> SE3:
 
 
 def geometries(
-    sizes: Sizes, tcp_poses: Array, offsets: Mapping[str, Offset] = NO_OFFSETS
+    sizes: Sizes,
+    tcp_poses: Array,
+    offsets: Mapping[str, tuple[SE3, float]] = NO_OFFSETS,
 ) -> dict[str, CameraGeometry]:
     """Lens and place of each camera where the tools are, by name.
 
     Args:
         sizes: Height and width of the images of each.
         tcp_poses: Tool poses (2, 7), those of a `DuoState`.
-        offsets: Offsets of cameras, such as a look's, by name.
+        offsets: Of cameras that were moved, the pose in the nominal one, with MuJoCo's axes, and
+            the radians that are added to the vertical field of view.
     """
     found = {}
     for key, size in sizes.items():
         camera = named(key)
-        pose = mount_pose(camera.arm, tcp_poses) @ camera.pose
-        offset = offsets.get(camera.name)
-        widening = 1.0
-        if offset is not None:
-            moved, angle = offset
-            pose = pose @ moved
-            half = math.atan(size[0] / 2 / focal_lengths(camera, size)[1])
-            widening = math.tan(half + angle / 2) / math.tan(half)
-        found[camera.name] = geometry(matrix_of(camera, size, widening), pose)
+        moved, angle = offsets.get(camera.name, (SE3(), 0.0))
+        matrix = matrix_of(camera, size)
+        half = math.atan(size[0] / 2 / matrix[1, 1])
+        matrix[[0, 1], [0, 1]] *= math.tan(half) / math.tan(half + angle / 2)
+        pose = mount_pose(camera.arm, tcp_poses) @ camera.pose @ moved
+        found[camera.name] = geometry(matrix, pose)
     return found
 
 
@@ -136,33 +113,23 @@ def point_cloud(
         >>> seen = env.cameras["head"]
         >>> point_cloud(observation["depth"]["head"], seen.matrix, seen.table_from_camera)
     """
-    distances = _shaped("depth", depth, (None, None))
-    lens = _shaped("matrix", matrix, (3, 3))
-    pose = _shaped("table_from_camera", table_from_camera, (4, 4))
+    distances, lens, pose = (
+        np.asarray(each, dtype=np.float64)
+        for each in (depth, matrix, table_from_camera)
+    )
+    image = None if rgb is None else np.asarray(rgb)
+    has_colours = image is None or image.shape == (*distances.shape, 3)
+    is_image = len(distances.shape) == 2  # noqa: PLR2004 - height and width
+    if not (is_image and lens.shape == (3, 3) and pose.shape == (4, 4) and has_colours):
+        raise OptionError(
+            "depth has shape (height, width), matrix (3, 3), table_from_camera (4, 4), and rgb "
+            f"(height, width, 3); got shapes {distances.shape}, {lens.shape}, {pose.shape}"
+            + ("." if image is None else f" and {image.shape}.")
+        )
     shows = np.isfinite(distances) & (distances > 0.0)
     rows, columns = np.nonzero(shows)
     z = distances[shows]
-    y = (rows - lens[1, 2]) / lens[1, 1] * z
     x = (columns - lens[0, 2]) / lens[0, 0] * z
+    y = (rows - lens[1, 2]) / lens[1, 1] * z
     points = SE3(pose[:3, :3], pose[:3, 3]).apply(np.stack([x, y, z], axis=-1))
-    if rgb is None:
-        return points
-    image = np.asarray(rgb)
-    if image.shape != (*distances.shape, 3):
-        raise OptionError(
-            f"rgb has the shape of depth and 3 colours, {(*distances.shape, 3)}; got {image.shape}."
-        )
-    return points, image[shows]
-
-
-def _shaped(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> Array:
-    array = np.asarray(values, dtype=np.float64)
-    if len(array.shape) != len(shape) or any(
-        asked not in (None, size)
-        for asked, size in zip(shape, array.shape, strict=True)
-    ):
-        words = "(height, width)" if None in shape else str(shape)
-        raise OptionError(
-            f"{name} is an array {words}, got one of shape {array.shape}."
-        )
-    return array
+    return points if image is None else (points, image[shows])

@@ -12,15 +12,13 @@ from duobench.world.robot.cameras import (
     RobotCamera,
     View,
 )
+from duobench.world.robot.stereo import D405_BASELINE, ZED_BASELINE
 from duobench.world.scene.surfaces import (
     DISTAL,
     CollisionGroup,
     add_box,
     collide_as_metal,
 )
-
-ZED_BASELINE, D405_BASELINE = 0.063, 0.018
-"""Distance between the two lenses of a camera in metres [data sheets]."""
 
 _PIXEL = 1e-5
 """Side of one pixel on the sensor in metres; only ratios matter."""

@@ -55,15 +55,6 @@ _SEGMENTATION = [
 ]
 
 
-class FreeLens(NamedTuple):
-    """Lens of a camera that is none of the model's; its pixels are square."""
-
-    pose: SE3
-    """Pose in the world with MuJoCo's axes: x right, y up, looking along -z."""
-    fovy: float
-    """Vertical field of view in radians."""
-
-
 class CameraRequest(NamedTuple):
     """Images that are wanted of a camera, of the state that a call is about.
 
@@ -78,8 +69,10 @@ class CameraRequest(NamedTuple):
     """Some of `duobench.core.backend.KINDS`."""
     size: tuple[int, int]
     """Height and width in pixels, at most those of the renderer."""
-    lens: FreeLens | None = None
-    """Lens and place of a camera that is not in the model."""
+    pose: SE3 | None = None
+    """Pose in the world, with MuJoCo's axes, of a camera that is not in the model."""
+    fovy: float = 0.0
+    """Its vertical field of view in radians; its pixels are square."""
 
 
 Images = dict[str, dict[str, Any]]
@@ -177,7 +170,7 @@ class OffscreenRenderer:
         needs_scene = needs_shadows = True
         for request in requests:
             self._set_size(request.size)
-            found = images[request.name] = {}
+            found = images.setdefault(request.name, {})
             if RGB in request.kinds:
                 if len(self._offsets) > 1:
                     image = self._average(data, request)
@@ -294,18 +287,16 @@ class OffscreenRenderer:
         self._aim(request)
 
     def _look_from(self, request: CameraRequest) -> None:
-        is_free = request.lens is not None
         kinds = mujoco.mjtCamera
-        self._view.type = (
-            kinds.mjCAMERA_FREE if is_free else kinds.mjCAMERA_FIXED
-        ).value
-        self._view.fixedcamid = request.number
+        is_free = request.number == FREE
+        kind = kinds.mjCAMERA_FREE if is_free else kinds.mjCAMERA_FIXED
+        self._view.type, self._view.fixedcamid = kind.value, request.number
 
     def _aim(self, request: CameraRequest) -> None:
         """Put lenses where the engine has none, or where the look has them."""
-        if request.lens is not None:
+        if request.pose is not None:
             for lens in self._scene.camera:
-                _place(lens, request.lens)
+                _place(lens, request.pose, request.fovy)
         elif self._appearance is not None:
             self._appearance.aim(self._scene, request.number)
 
@@ -336,16 +327,13 @@ def _offsets(samples: int) -> NDArray[np.float64]:
     return (0.5 + np.arange(samples)[:, None] * steps) % 1.0 - 0.5
 
 
-def _place(lens: mujoco.MjvGLCamera, free: FreeLens) -> None:
+def _place(lens: mujoco.MjvGLCamera, pose: SE3, fovy: float) -> None:
     """Put a lens where no camera of the model is; its near and far planes stay."""
-    axes = free.pose.rotation
-    lens.pos[:] = free.pose.translation
-    lens.forward[:] = -axes[:, 2]
-    lens.up[:] = axes[:, 1]
-    top = lens.frustum_near * math.tan(free.fovy / 2)
+    lens.pos[:] = pose.translation
+    lens.forward[:], lens.up[:] = -pose.rotation[:, 2], pose.rotation[:, 1]
+    top = lens.frustum_near * math.tan(fovy / 2)
     lens.frustum_top, lens.frustum_bottom = top, -top
     lens.frustum_center = lens.frustum_width = 0.0
-    lens.orthographic = 0
 
 
 def _metres(

@@ -21,7 +21,7 @@ from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import Camera, check_image_size
 from duobench.world.scene.naming import flange_name
 from duobench.world.sim.appearance import Appearance
-from duobench.world.sim.offscreen import FREE, CameraRequest, FreeLens
+from duobench.world.sim.offscreen import FREE, CameraRequest
 from duobench.world.sim.opengl import RenderingInfo, choose
 from duobench.world.sim.rendering_process import Pictured, RenderingProcess, current
 
@@ -173,8 +173,8 @@ class Renderer:
         if camera.arm is not None:
             site = data.site(flange_name(camera.arm))
             mount = SE3(site.xmat.reshape(3, 3), site.xpos)
-        lens = FreeLens(mount @ camera.pose, math.radians(camera.fovy_deg))
-        return CameraRequest(camera.name, FREE, kinds, size, lens)
+        pose, fovy = mount @ camera.pose, math.radians(camera.fovy_deg)
+        return CameraRequest(camera.name, FREE, kinds, size, pose, fovy)
 
     def _number(self, camera: str) -> int:
         check_known("camera", camera, self._cameras)
