@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from duobench.policy.training.training import Training
 
 
-EXPORT = "duobench export lerobot DATA --out OUT"
+EXPORT = "duobench export lerobot DATA --out OUT --after-success"
 
 
 def run(  # noqa: PLR0913 - each is an argument of the command line
@@ -82,7 +82,7 @@ def run(  # noqa: PLR0913 - each is an argument of the command line
         if not recorded and not isinstance(error, NoObjectStatesError):
             raise
         export = (
-            f"duobench export lerobot {data} --out {data}-lerobot"
+            f"duobench export lerobot {data} --out {data}-lerobot --after-success"
             if recorded
             else EXPORT
         )
