@@ -8,7 +8,7 @@ import pytest
 
 import duobench
 from duobench.cli import main
-from duobench.core.errors import DataError, OptionError
+from duobench.core.errors import DataError, OptionError, UnknownNameError
 from duobench.data import DataSet, ImageSource, Recording, find_problems
 from duobench.evaluation.replay import replay
 from duobench.tasks import catalog
@@ -151,3 +151,32 @@ def test_images_take_one_camera_and_squares_and_no_other_size(expert: Recording)
     for size in ((8, 8, 8), ("a", "b"), (0, 3)):
         with pytest.raises(OptionError, match="one number for a square"):
             ImageSource(TASK, size=size)  # type: ignore[arg-type]
+    for kind in ("depth", "segmentation"):
+        for names in (None, 3, {"head"}):
+            with pytest.raises(OptionError, match=f"{kind} is a name, or a list of names"):
+                ImageSource(TASK, **{kind: names})  # type: ignore[arg-type]
+        with pytest.raises(UnknownNameError, match="'head'"):
+            ImageSource(TASK, **{kind: "haed"})
+
+
+def test_depth_and_parts_of_states_are_those_of_the_environment(expert: Recording) -> None:
+    """From every camera, also the one for people and one's own, in the same state."""
+    side = duobench.Camera(name="side", position=(0.5, 1.2, 0.5), look_at=(0.5, 0.0, 0.0), size=24)
+    seen: Any = {"cameras": ("head", side), "depth": True, "segmentation": "left_wrist"}
+    source = ImageSource(TASK, size=(48, 64), **seen)
+    env = duobench.make(TASK, image_size=(48, 64), **seen)
+    observation, _ = env.reset(options={"layout": expert.info.layout})
+    for row in range(3):
+        shown = source.images_by_kind(expert, row)
+        for kind, key in (("rgb", "pixels"), ("depth", "depth"), ("segmentation", "segmentation")):
+            np.testing.assert_equal(shown[kind], observation[key])
+        for name, placed in source.geometry(expert, row).items():
+            there = env.get_wrapper_attr("cameras")[name]
+            np.testing.assert_array_equal(placed.matrix, there.matrix)
+            np.testing.assert_array_equal(placed.table_from_camera, there.table_from_camera)
+        observation, *_ = env.step(expert.sent[row])
+    env.close()
+    source.close()
+    people = ImageSource(TASK, cameras="overview", size=(48, 64), depth=True)
+    assert people.images_by_kind(expert, 0)["depth"]["overview"].max() > 1.0
+    people.close()

@@ -13,27 +13,23 @@ from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from duobench.core.backend import (
-    DEPTH,
     RGB,
-    SEGMENTATION,
-    AnyCamera,
     CameraGeometry,
     Image,
-    Sizes,
 )
 from duobench.core.errors import DataError, DuoBenchError, OptionError
-from duobench.core.types import as_several, as_size
+from duobench.core.types import as_size
 from duobench.core.video import in_rgb
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
-from duobench.envs.camera_options import name_of
+from duobench.envs.camera_options import camera_options, wanted_images
 from duobench.envs.config import IMAGE_SIZE
 from duobench.tasks import catalog
 from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
-from duobench.world.robot.cameras import POLICY_CAMERAS, Camera
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, Camera
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation
@@ -52,7 +48,7 @@ class ImageSource:
         segmentation: The same of what each pixel shows.
 
     Raises:
-        UnknownNameError: There is no such task or look.
+        UnknownNameError: There is no such task, camera or look.
         OptionError: The size is invalid.
     """
 
@@ -74,21 +70,20 @@ class ImageSource:
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
         self.set_look(look)
-        names = (cameras,) if isinstance(cameras, Camera) else as_several(cameras)
-        if names is None:
-            raise OptionError(
-                f"cameras is a name, or a list of names; got {cameras!r}."
-            )
         pixels = as_size(size)
         if pixels is None:
             raise OptionError(
                 f"size is (height, width) in pixels, or one number for a square; got {size!r}."
             )
-        self._wanted = {
-            RGB: _sizes(True, names, pixels),
-            DEPTH: _sizes(depth, names, pixels),
-            SEGMENTATION: _sizes(segmentation, names, pixels),
-        }
+        given = {"cameras": cameras, "depth": depth, "segmentation": segmentation}
+        seen = {} if isinstance(cameras, Mapping) else camera_options(given)
+        for name, value in given.items():
+            if not isinstance(seen.get(name), tuple):
+                raise OptionError(
+                    f"{name} is a name, or a list of names; got {value!r}."
+                )
+        known = (*POLICY_CAMERAS, OVERVIEW)
+        self._wanted = wanted_images(**seen, size=pixels, sizes={}, known=known)
         self._layout: dict[str, Any] | None = None
 
     def set_look(self, look: str | Look) -> None:
@@ -154,23 +149,6 @@ class ImageSource:
     def close(self) -> None:
         """Free the renderer."""
         self._backend.close()
-
-
-def _sizes(
-    given: bool | str | Sequence[str],
-    cameras: Sequence[str | Camera],
-    size: tuple[int, int],
-) -> Sizes:
-    """The cameras of some names, or all, with the size of their images."""
-    own = {camera.name: camera for camera in cameras if isinstance(camera, Camera)}
-    names = [*map(name_of, cameras)] if given is True else as_several(given or ())
-    if names is None:
-        raise OptionError(f"True, a name, or a list of names is taken; got {given!r}.")
-    sizes: dict[str | AnyCamera, tuple[int, int]] = {}
-    for name in names:
-        camera = own.get(name)
-        sizes[camera or name] = (camera and camera.size) or size
-    return sizes
 
 
 View = Callable[[Image, tuple[int, int]], Image]

@@ -41,8 +41,9 @@ def wanted_images(
     segmentation: Sequence[str],
     size: tuple[int, int],
     sizes: Mapping[str, tuple[int, int]],
+    known: Sequence[str] = POLICY_CAMERAS,
 ) -> dict[str, Sizes]:
-    """Images of an observation by their kind, with their sizes.
+    """Images of an observation by their kind, with their sizes; names are known ones.
 
     Raises:
         UnknownNameError: There is no such camera.
@@ -56,7 +57,7 @@ def wanted_images(
             f"Two cameras are called {twice!r}; each has a name of its own, such as "
             f"'{twice}_2'."
         )
-    known = (*POLICY_CAMERAS, *own)
+    known = (*known, *own)
     for name in sizes:
         check_known("camera", name, known)
     wanted: dict[str, Sizes] = {}

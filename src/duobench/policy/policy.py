@@ -144,6 +144,8 @@ _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     "batch_invariant": bool,
 }
 """Conversions to plain values, which records and messages hold."""
+_ASKED = (DEPTH, SEGMENTATION, "image_size", "image_sizes", "object_state")
+"""What a policy may ask for beside cameras and action mode."""
 
 
 @runtime_checkable
@@ -252,18 +254,11 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
         )
     problems = [*_differences(metadata, config)]
     if problems:
-        more = {
-            name: value
-            for name in (
-                DEPTH,
-                SEGMENTATION,
-                "image_size",
-                "image_sizes",
-                "object_state",
-            )
+        wanted = "".join(
+            f", {name}={value!r}"
+            for name in _ASKED
             if (value := getattr(metadata, name))
-        }
-        wanted = "".join(f", {name}={value!r}" for name, value in more.items())
+        )
         raise PolicyError(
             f"Policy {metadata.name!r} does not fit the environment: {'; '.join(problems)}. One "
             f"that fits: duobench.make(task, cameras={metadata.cameras}{wanted}, "

@@ -175,15 +175,14 @@ class CanonicalViews:
     def images(self, wanted: Wanted) -> dict[str, dict[str, Any]]:
         """The latest images by kind and camera; those of a camera are of one frame."""
         check_seen(wanted, self._configs)
-        names = {str(name) for sizes in wanted.values() for name in sizes}
-        frames = {name: self._cameras[name].latest() for name in names}
-        found: dict[str, dict[str, Any]] = {}
-        for kind, sizes in wanted.items():
-            found[kind] = {
+        frames = {name: camera.latest() for name, camera in self._cameras.items()}
+        return {
+            kind: {
                 str(name): self._seen(kind, str(name), frames[str(name)], size)
                 for name, size in sizes.items()
             }
-        return found
+            for kind, sizes in wanted.items()
+        }
 
     def _seen(
         self, kind: str, name: str, frame: Frame | None, size: tuple[int, int]

@@ -108,6 +108,8 @@ def test_depth_and_parts_reach_a_served_policy_to_the_bit(serve: Serve, remote: 
             },
         }
         np.testing.assert_array_equal(policy.act(seen), Sums.sums(seen))
+    with pytest.raises(ServingError, match="depth or segmentation, for which a message format"):
+        remote(serve(Sums()), message_format=read_format("aloha"))
 
 
 class Bereft(Network):

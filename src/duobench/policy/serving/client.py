@@ -159,10 +159,11 @@ class OpenpiPolicy(ConnectedPolicy):
         self._dialect = dialect = dialect_of(handshake, server.parts.path)
         if dialect is OURS:
             metadata, batching = _described(handshake[OURS.name], server)
-            if metadata.object_state and server.message_format is not None:
+            is_more = metadata.depth or metadata.segmentation or metadata.object_state
+            if is_more and server.message_format is not None:
                 raise ServingError(
-                    "The policy reads the state of the objects, for which a message format has no "
-                    "place. A server of DuoBench needs no format."
+                    "The policy reads the state of the objects, depth or segmentation, for which a "
+                    "message format has no place. A server of DuoBench needs no format."
                 )
             return metadata, batching
         return self._metadata_from_format(
