@@ -18,7 +18,8 @@ SURFACE = {
     "duobench.data": """
         ActionSource Actor ActorKind DataSet EpisodeInfo ExportOptions Exported
         ImageSource Outcome Pairing Problem Recorder Recording Summary
-        export_lerobot find_problems merge split summarize write_page
+        Transitions VideoCodec
+        export_lerobot find_problems merge split summarize transitions write_page
     """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BatchEnv BinaryGripper Cameras CartesianActions ClosedEnvError
