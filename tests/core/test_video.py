@@ -9,18 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from duobench.core.codecs import AV1, DATA_H264, H264, HEVC12, VP9, Codec
 from duobench.core.errors import VideoError
-from duobench.core.video import (
-    AV1,
-    DATA_H264,
-    H264,
-    HEVC12,
-    VP9,
-    Codec,
-    VideoWriter,
-    in_rgb,
-    write_video,
-)
+from duobench.core.video import VideoWriter, in_rgb, write_video
 
 FRAMES = [np.full((48, 64, 3), value, np.uint8) for value in (0, 80, 160, 240)]
 

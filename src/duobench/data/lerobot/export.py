@@ -12,6 +12,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from duobench.core.backend import DEPTH, RGB, CameraGeometry
+from duobench.core.codecs import HEVC12
 from duobench.core.errors import (
     DataError,
     OtherRunError,
@@ -32,7 +33,7 @@ from duobench.core.processes import Progress, run_all
 from duobench.core.randomness import EVAL, SUITE_VERSION, look_number
 from duobench.core.types import Array
 from duobench.core.versions import package_versions
-from duobench.core.video import HEVC12, Frame, VideoWriter
+from duobench.core.video import Frame, VideoWriter
 from duobench.data.dataset import DataSet
 from duobench.data.images import (
     ImageSource,

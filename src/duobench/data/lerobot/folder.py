@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import pyarrow as pa
 
+from duobench.core.codecs import HEVC12
 from duobench.core.errors import OtherRunError
 from duobench.core.files import begin_or_continue, differences, read, remove_temporary
 from duobench.core.lerobot_keys import (
@@ -21,7 +22,6 @@ from duobench.core.lerobot_keys import (
     OBJECT_STATE,
     STATE,
 )
-from duobench.core.video import HEVC12
 from duobench.data.lerobot import depth
 from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain

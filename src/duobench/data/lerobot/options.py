@@ -6,10 +6,10 @@ from enum import StrEnum
 from typing import Any
 
 from duobench.core.backend import DEPTH, RGB, Wanted
+from duobench.core.codecs import AV1, DATA_H264, Codec
 from duobench.core.errors import DataError, OptionError, check_known
 from duobench.core.lerobot_keys import DEPTH_SUFFIX
 from duobench.core.types import CONTROL_HZ, as_several, as_size
-from duobench.core.video import AV1, DATA_H264, Codec
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT
