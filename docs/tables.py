@@ -296,6 +296,15 @@ def axes() -> str:
         " | frames that each camera drops": by_level(levels.DROPPED_SHARE, " %", 100),
         " | noise in joint positions (mrad), in positions of tools (mm) and in numbers "
         "of objects (1/1000)": by_level(levels.JOINT_NOISE, scale=1000),
+        " | depth: error of a stereo camera's disparity, pixels": by_level(
+            levels.DEPTH_SUBPIXEL
+        ),
+        " | depth: end of the range of all cameras but the head's": by_level(
+            levels.DEPTH_FARTHEST, " m"
+        ),
+        " | depth: share of bare metal and glass without": by_level(
+            levels.DEPTH_SHINY_SHARE, " %", 100
+        ),
         "latency | control steps from an observation to the chunk that answers "
         "it": by_level(levels.LATENCY_STEPS),
     }

@@ -14,7 +14,7 @@ from tests.children import printed
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "duobench"
 SURFACE = {
-    "duobench": "DuoBenchError __version__ make make_vec register task_ids",
+    "duobench": "Camera DuoBenchError __version__ make make_vec point_cloud register task_ids",
     "duobench.data": """
         ActionSource Actor ActorKind DataSet EpisodeInfo ExportOptions Exported
         ImageSource Outcome Pairing Problem Recorder Recording Summary

@@ -1,20 +1,23 @@
-"""How long images take: one frame, and an observation of three cameras."""
+"""How long images take: one frame, an observation of three cameras, and of other kinds."""
 
 from collections.abc import Iterator
 
 import duobench
 from dev.benchmarks.environments import begin
 from dev.benchmarks.measure import Measurement, Work, seconds
+from duobench.core.backend import DEPTH, KINDS, SEGMENTATION, Wanted
 from duobench.envs.observation_wrappers import IMAGE_SIZE
 from duobench.envs.sim_env import sim_of
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.sim import rendering
 
 MILLI = 1e-3
+OTHERS = ((DEPTH,), (SEGMENTATION,), KINDS)
+"""Kinds of images whose time is given as a ratio to that of colours."""
 
 
 def measure(name: str, repeats: int = 60) -> Iterator[Measurement]:
-    """Measure images of the default size, shadows included."""
+    """Measure images of the default size, shadows included; other kinds beside colours."""
     env = duobench.make(name, cameras=False)
     begin(env)
     simulation = sim_of(env).simulation
@@ -24,11 +27,22 @@ def measure(name: str, repeats: int = 60) -> Iterator[Measurement]:
         def draw(*cameras: str) -> Work:
             return Work(pieces=[lambda: renderer.render_all(simulation.data, cameras)])
 
+        def measured(*kinds: str) -> Work:
+            sizes = dict.fromkeys(POLICY_CAMERAS, IMAGE_SIZE)
+            wanted: Wanted = dict.fromkeys(kinds, sizes)
+            return Work(pieces=[lambda: renderer.render_kinds(simulation.data, wanted)])
+
         works = [*map(draw, POLICY_CAMERAS), draw(*POLICY_CAMERAS)]
-        *frames, observation = seconds(*works, repeats=repeats)
+        works += [measured(*kinds) for kinds in OTHERS]
+        times = seconds(*works, repeats=repeats)
+        frames = times[: len(POLICY_CAMERAS)]
+        observation, *others = times[len(POLICY_CAMERAS) :]
     env.close()
     for camera, frame in zip(POLICY_CAMERAS, frames, strict=True):
         what = f"{name}: {width}x{height} frame, {camera}"
         yield Measurement(what=what, value=frame / MILLI, unit="ms", at_most=8.0)
     what = f"{name}: observation of three cameras"
     yield Measurement(what=what, value=observation / MILLI, unit="ms", at_most=24.0)
+    for kinds, took in zip(OTHERS, others, strict=True):
+        what = f"{name}: {' and '.join(kinds)}, to colours alone"
+        yield Measurement(what=what, value=took / observation)

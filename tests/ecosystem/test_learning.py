@@ -17,19 +17,21 @@ from torchrl.envs import GymEnv, GymWrapper
 from torchrl.envs.utils import check_env_specs
 
 import duobench
-from tests.ecosystem.tools import HORIZON, IMAGES, RENDERED, STATES, flat, nested, states
+from tests.ecosystem.tools import HORIZON, IMAGES, RENDERED, STATES, eyes, flat, nested, states
 from tests.envs.tools import TASK, equal
 
 PPO_OPTIONS = {"n_steps": 8, "batch_size": 4, "n_epochs": 1, "device": "cpu"}
 SAC_OPTIONS = {"learning_starts": 4, "batch_size": 4, "buffer_size": 64, "device": "cpu"}
 
 
-@pytest.mark.parametrize("make", [flat, states], ids=["flat", "states"])
+@pytest.mark.parametrize("make", [flat, eyes, states], ids=["flat", "eyes", "states"])
 def test_the_checker_recommends_smaller_actions_only(make: Callable[[], gym.Env]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         # RescaleAction does that, and test_gymnasium.py has it.
         warnings.filterwarnings("ignore", message=".*symmetric and normalized Box action space")
+        # Depth and segmentation (height, width) are flattened by the policies that take a Dict.
+        warnings.filterwarnings("ignore", message=".*(depth|segmentation).*unconventional shape")
         check_env(make())
 
 
@@ -40,8 +42,9 @@ def test_the_checker_recommends_smaller_actions_only(make: Callable[[], gym.Env]
         (SAC, SAC_OPTIONS, states),
         (PPO, PPO_OPTIONS, flat),
         (SAC, SAC_OPTIONS, flat),
+        (PPO, PPO_OPTIONS, eyes),
     ],
-    ids=["PPO, states", "SAC, states", "PPO, images", "SAC, images"],
+    ids=["PPO, states", "SAC, states", "PPO, images", "SAC, images", "PPO, depth"],
 )
 def test_an_algorithm_learns_a_few_steps(
     algorithm: Any, options: dict[str, Any], make: Callable[[], gym.Env]
@@ -58,10 +61,13 @@ def test_nested_images_are_refused_by_the_library_in_its_words() -> None:
         PPO("MultiInputPolicy", nested(), **PPO_OPTIONS)
 
 
+@pytest.mark.parametrize("make", [flat, eyes], ids=["flat", "eyes"])
 @pytest.mark.parametrize("method", [None, "spawn", "forkserver"])
-def test_environments_in_processes_show_the_same_as_here(method: str | None) -> None:
-    several = SubprocVecEnv([flat] * 2, start_method=method)
-    here = DummyVecEnv([flat] * 2)
+def test_environments_in_processes_show_the_same_as_here(
+    method: str | None, make: Callable[[], gym.Env]
+) -> None:
+    several = SubprocVecEnv([make] * 2, start_method=method)
+    here = DummyVecEnv([make] * 2)
     action = np.stack([here.envs[0].action_space.sample()] * 2)
     seen = []
     for envs in (several, here):
@@ -87,13 +93,14 @@ def test_a_vector_environment_is_recorded_as_a_video(tmp_path: Path) -> None:
     [
         lambda: GymWrapper(flat()),
         lambda: GymWrapper(nested()),
+        lambda: GymWrapper(eyes()),
         lambda: GymEnv(f"duobench/{TASK}-v1", **STATES),
         lambda: GymEnv(f"duobench/{TASK}-v1", **IMAGES, flat_obs=True, frame_skip=2),
         lambda: GymEnv(
             f"duobench/{TASK}-v1", **STATES, **RENDERED, from_pixels=True, pixels_only=False
         ),
     ],
-    ids=["flat", "nested", "states by id", "flat by id", "rendered"],
+    ids=["flat", "nested", "eyes", "states by id", "flat by id", "rendered"],
 )
 def test_torchrl_finds_what_the_specs_promise(make: Callable[[], Any]) -> None:
     env = make()

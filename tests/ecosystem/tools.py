@@ -18,6 +18,13 @@ def flat(**options: Any) -> gym.Env:
     return duobench.make(TASK, **{**IMAGES, "flat_obs": True, **options})
 
 
+def eyes(**options: Any) -> gym.Env:
+    """One with depth and segmentation beside the images, and a camera of one's own."""
+    side = duobench.Camera(name="side", position=(0.5, 1.2, 0.6), look_at=(0.5, 0.0, 0.0))
+    cameras = ("head", side)
+    return flat(cameras=cameras, depth=True, segmentation="side", **options)
+
+
 def nested(**options: Any) -> gym.Env:
     """The same in the form of LeRobot."""
     return duobench.make(TASK, **{**IMAGES, **options})

@@ -1,11 +1,13 @@
 """A backend without any simulation, whose images and health tests can spoil."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from duobench.core.backend import DuoLimits, Image
+from duobench.core.backend import CameraGeometry, DuoLimits, Image, Sizes, Wanted
 from duobench.core.types import DuoCommand, DuoState
+from duobench.world.robot.camera_geometry import geometries
 from duobench.world.robot.frames import tcp_poses
 from duobench.world.robot.joints import HOME_JOINTS
 
@@ -71,3 +73,10 @@ class NumberArms:
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> Mapping[str, Image]:
         self.images_taken.append((cameras, shape))
         return {name: np.full((*shape, 3), 7, np.uint8) for name in cameras}
+
+    def images_by_kind(self, wanted: Wanted) -> dict[str, dict[str, Any]]:
+        ((kind, sizes),) = wanted.items()
+        return {kind: {name: self.images((name,), size)[name] for name, size in sizes.items()}}
+
+    def camera_geometry(self, sizes: Sizes) -> dict[str, CameraGeometry]:
+        return geometries(sizes, self.read().tcp_poses)

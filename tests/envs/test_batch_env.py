@@ -15,6 +15,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import duobench
+from duobench import Camera
 from duobench.core.errors import (
     ActionError,
     DuoBenchError,
@@ -80,11 +81,21 @@ def test_golden_episodes_are_the_same(
         result = vector.step(np.stack([episode.actions[at] for episode, at in rows]))
 
 
+SIDE = Camera(name="side", position=(0.5, 1.2, 0.6), look_at=(0.5, 0.0, 0.0))
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "displacements": {"action_mode": "joint_relative", "speed_fraction": 0.3, "reward": "progress"},
     "grippers": {"binary_gripper": True, "object_state": True, "split": "train"},
     "images": {"cameras": ("head", "left_wrist"), "image_size": (24, 32), "look": "dark"},
     "flat images": {"cameras": "head", "image_size": 24, "flat_obs": True, "shift": "look-3"},
+    "eyes": {
+        "cameras": ("head", SIDE),
+        "image_size": (24, 32),
+        "image_sizes": {"head": (9, 12)},
+        "depth": ("right_wrist", "side"),
+        "segmentation": True,
+        "shift": "camera-3",
+    },
+    "flat depth": {"cameras": False, "depth": "head", "image_size": 24, "flat_obs": True},
     "words": {"instructions": "varied", "horizon": 4, "shift": "layout-2"},
 }
 
@@ -106,6 +117,26 @@ def test_options_mean_the_same(
             episode += [env.step(action[number]) for action in actions]
             for batched, alone in zip(results, episode, strict=True):
                 check_same(batched, number, alone)
+
+
+def test_cameras_of_all_episodes_are_where_those_of_each_are(
+    several: Callable[..., BatchEnv],
+) -> None:
+    options = OPTIONS["eyes"]
+    vector = several("ball_maze", **options)
+    vector.reset(seed=SEED)
+    vector.step(np.stack([waves(1)[0]] * COUNT))
+    found = vector.cameras
+    assert set(found) == {"head", "right_wrist", "side"}
+    for number in range(COUNT):
+        with closing(make_small("ball_maze", **options)) as env:
+            env.reset(seed=SEED + number)
+            env.step(waves(1)[0])
+            assert vector.segmentation_ids == env.segmentation_ids
+            for name, seen in env.cameras.items():
+                assert np.array_equal(found[name].matrix[number], seen.matrix)
+                place = found[name].table_from_camera[number]
+                assert np.array_equal(place, seen.table_from_camera)
 
 
 @pytest.mark.parametrize("task", catalog.names())

@@ -8,8 +8,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from duobench import Camera
 from tests.envs.tools import TASK, Make, check, sim_of
 
+SIDE = Camera(name="side", position=(0.5, 1.2, 0.6), look_at=(0.5, 0.0, 0.0), size=(20, 30))
 SMALL: Mapping[str, Any] = {"image_size": (24, 32), "render_size": (24, 32), "cameras": False}
 
 
@@ -29,6 +31,9 @@ SMALL: Mapping[str, Any] = {"image_size": (24, 32), "render_size": (24, 32), "ca
         {"object_state": True},
         {"cameras": True, "object_state": True, "flat_obs": True},
         {"cameras": ("left_wrist",), "chunk": 4},
+        {"cameras": True, "depth": True, "segmentation": True},
+        {"cameras": ("head", SIDE), "depth": "side", "segmentation": True, "flat_obs": True},
+        {"depth": "head", "shift": "sensing-2"},
         {"cameras": ("head",), "action_mode": "cartesian", "render_mode": "rgb_array"},
     ],
     ids=str,

@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from functools import reduce
 from typing import Any
 
@@ -14,9 +14,11 @@ import gymnasium as gym
 import msgspec
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.wrappers import FlattenObservation
 
 import duobench
+from duobench import Camera
 from duobench.core.errors import (
     DuoBenchError,
     LayoutError,
@@ -41,6 +43,8 @@ from duobench.tasks import Task, catalog
 from duobench.world.looks.catalog import look
 from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, sim_of
+
+SIDE = Camera(name="side", position=(0.5, 1.2, 0.6), look_at=(0.5, 0.0, 0.0))
 
 
 def test_the_evaluation_protocol() -> None:
@@ -86,9 +90,49 @@ def test_image_sizes_and_none_without_cameras(
 def test_cameras_may_be_any_iterable(task: str | Task) -> None:
     names = {"head": 0, "left_wrist": 1}
     for cameras in ((name for name in names), names.keys()):
-        env = duobench.make(task, cameras=cameras)
+        env = duobench.make(task, cameras=cameras, depth=iter(names))
         for made in (env, gym.make(env.spec)):
             assert made.get_wrapper_attr("config").cameras == ("head", "left_wrist")
+            assert made.get_wrapper_attr("config").depth == ("head", "left_wrist")
+
+
+def test_cameras_of_ones_own_are_kept_by_specs() -> None:
+    env = duobench.make(TASK, cameras=("head", SIDE), depth="side")
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert again.observation_space == env.observation_space
+    assert again.get_wrapper_attr("config") == sim_of(env).config
+    assert sim_of(env).config.cameras == ("head", SIDE)
+
+
+def test_what_images_there_are_follows_from_the_options() -> None:
+    def wanted(**options: Any) -> Any:
+        return EnvConfig.from_options({"image_size": 32, **options}).wanted
+
+    three = dict.fromkeys(("head", "left_wrist", "right_wrist"), (32, 32))
+    assert wanted() == {"rgb": three}
+    assert wanted(depth=True, segmentation=np.True_) == dict.fromkeys(
+        ("rgb", "depth", "segmentation"), three
+    )
+    head = {"head": (32, 32)}
+    assert wanted(cameras="head", depth=True) == {"rgb": head, "depth": head}
+    assert wanted(cameras=False, depth="head") == {"depth": {"head": (32, 32)}}
+    assert wanted(cameras=False, segmentation=True) == {"segmentation": three}
+    assert wanted(cameras=False) == wanted(cameras=(), depth=False, segmentation=()) == {}
+    given = {"head": (12, 16), "left_wrist": 64, "right_wrist": None}
+    sizes = {"head": (12, 16), "left_wrist": (64, 64), "right_wrist": (32, 32)}
+    assert wanted(cameras=given, depth=("left_wrist", "head")) == {
+        "rgb": sizes,
+        "depth": {"left_wrist": (64, 64), "head": (12, 16)},
+    }
+    assert wanted(cameras=given, image_sizes={"right_wrist": 8})["rgb"]["right_wrist"] == (8, 8)
+    own, small = SIDE, replace(SIDE, name="small", size=(20, 30))
+    assert wanted(cameras=("head", own, small), depth="small") == {
+        "rgb": {"head": (32, 32), own: (32, 32), small: (20, 30)},
+        "depth": {small: (20, 30)},
+    }
+    assert wanted(cameras={own: 9, small: None}) == {
+        "rgb": {replace(own, size=(9, 9)): (9, 9), small: (20, 30)}
+    }
 
 
 # Those whose words are promised are in tests/promised_errors.py.
@@ -105,9 +149,26 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
         ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),
         ({"cameras": 3}, OptionError, "cameras is True, False.*3"),
-        ({"cameras": {"head": (128, 128)}}, OptionError, "have one size, image_size"),
-        ({"cameras": {"head"}}, OptionError, "a list of names"),
-        ({"cameras": b"head"}, OptionError, "a list of names"),
+        ({"cameras": {"head"}}, OptionError, "cameras is True, False, a camera, a list of them"),
+        ({"cameras": b"head"}, OptionError, "sizes by name, such as {'head': .128, 128.}"),
+        ({"cameras": {"hed": 64}}, UnknownNameError, "camera 'hed'.*Did you mean 'head'"),
+        ({"cameras": {"head": 721}}, OptionError, "size of camera 'head'.*720.*721"),
+        ({"cameras": {"head": (64,)}}, OptionError, "size of camera 'head'"),
+        ({"cameras": (SIDE, SIDE)}, OptionError, "Two cameras are called 'side'.*'side_2'"),
+        ({"cameras": (SIDE, "sid")}, UnknownNameError, "camera 'sid'.*Did you mean 'side'"),
+        ({"cameras": [{"name": "a"}]}, OptionError, "camera.*position"),
+        ({"cameras": [{**asdict(SIDE), "fovy": 3}]}, UnknownNameError, "'fovy'.*'fovy_deg'"),
+        ({"cameras": [{**asdict(SIDE), "name": "head"}]}, OptionError, "has a camera 'head'"),
+        ({"image_sizes": {"side": 64}}, UnknownNameError, "camera 'side'"),
+        ({"image_sizes": 64}, OptionError, "image_sizes is sizes by the name of a camera"),
+        ({"image_sizes": {"head": 0}}, OptionError, "size of camera 'head'"),
+        ({"depth": "hed"}, UnknownNameError, "camera 'hed'.*Did you mean 'head'"),
+        ({"depth": "side"}, UnknownNameError, "camera 'side'"),
+        ({"depth": None}, OptionError, "depth is True, False, the name of a camera.*None"),
+        ({"depth": SIDE}, OptionError, "depth takes names.*stands in cameras"),
+        ({"depth": [SIDE]}, OptionError, "depth takes names.*stands in cameras"),
+        ({"depth": {"head": 64}}, OptionError, "depth is True, False"),
+        ({"segmentation": 3}, OptionError, "segmentation is True, False.*3"),
         ({"image_size": {"head": 128}}, OptionError, "image_size is .height, width"),
         ({"image_size": {128: 1, 64: 2}}, OptionError, "image_size is .height, width"),
         ({"image_size": {128, 64}}, OptionError, "image_size is .height, width"),
@@ -167,6 +228,13 @@ def test_attributes_are_found_on_the_outermost_environment() -> None:
         {"look": "random:3"},
         {"flat_obs": True, "object_state": 1},
         {"look": look("side_light")},
+        {"cameras": {"head": (128, 96), "left_wrist": np.int64(64)}, "depth": True},
+        {"cameras": ("head", SIDE), "depth": "side", "segmentation": True},
+        {"cameras": SIDE, "image_size": 32},
+        {"cameras": [asdict(SIDE)], "segmentation": ["side"]},
+        {"cameras": {SIDE: 40}},
+        {"cameras": False, "depth": "head", "image_sizes": {"head": [30, 40]}},
+        {"cameras": False, "segmentation": 1},
     ],
     ids=lambda options: ", ".join(options) or "defaults",
 )
@@ -190,6 +258,10 @@ def test_configuration_survives_its_text_and_makes_the_same_environment(
         {"binary_gripper": 1},
         {"chunk": np.int64(3)},
         {"look": {}},
+        {"depth": True},
+        {"depth": "head"},
+        {"segmentation": ["head"]},
+        {"image_sizes": {"head": 64}},
     ],
     ids=str,
 )

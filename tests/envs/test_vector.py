@@ -13,13 +13,21 @@ import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 
+from duobench import Camera
 from duobench.tasks import catalog
 from tests.envs.tools import TASK, equal, make_small, waves
 
 Make = Callable[[], gym.Env]
 
 COUNT, STEPS, SEED = 2, 5, 11
-SEEING = {"cameras": ("head", "left_wrist"), "image_size": (24, 32), "object_state": True}
+SIDE = Camera(name="side", position=(0.5, 1.2, 0.6), look_at=(0.5, 0.0, 0.0), size=(20, 20))
+SEEING = {
+    "cameras": ("head", "left_wrist", SIDE),
+    "image_size": (24, 32),
+    "object_state": True,
+    "depth": ("side", "head"),
+    "segmentation": "left_wrist",
+}
 
 
 def one_of(batch: Any, number: int) -> Any:
@@ -50,6 +58,10 @@ def test_observations_and_info_are_those_of_single_environments(context: str | N
             assert [values[number] for values in batch[1:-1]] == list(alone[1:-1])
             for key in ("stage", "clipped"):
                 assert np.array_equal(batch[-1][key][number], alone[-1][key])
+        places = vector.call("cameras")[number]
+        assert places.keys() == env.get_wrapper_attr("cameras").keys()
+        for name, place in env.get_wrapper_attr("cameras").items():
+            assert np.array_equal(places[name].table_from_camera, place.table_from_camera)
         here, alone = (info["layout"]["poses"] for info in (batches[0][1], episode[0][1]))
         assert {name: here[name][number] for name in alone} == alone
         env.close()

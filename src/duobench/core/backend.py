@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,48 @@ from duobench.core.types import (
 
 Image = NDArray[np.uint8]
 """An image (height, width, 3), red green blue, top row first."""
+RGB, DEPTH, SEGMENTATION = "rgb", "depth", "segmentation"
+KINDS = (RGB, DEPTH, SEGMENTATION)
+"""Kinds of images: `Image`; float32 (height, width) with the distance along the optical axis in
+metres, 0 where there is none; int32 (height, width) with the number of the part that is shown, 0
+where nothing is."""
+
+
+class AnyCamera(Protocol):
+    """A camera of one's own, as `duobench.Camera` describes it."""
+
+    @property
+    def name(self) -> str:
+        """Name of its images."""
+        ...
+
+
+Sizes = Mapping[str | AnyCamera, tuple[int, int]]
+"""Height and width of images in pixels, by the name of a camera of the robot, or by a camera."""
+Wanted = Mapping[str, Sizes]
+"""Images that are wanted at once, by their kind."""
+
+
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
+class CameraGeometry:
+    """Lens and place of a camera for images of one size, in OpenCV's axes.
+
+    The camera's x points right in the image, y down, z into the scene. The middle of the top left
+    pixel is (0, 0), and there is no distortion. So a point (3,) of the table frame is shown at
+    `p = matrix @ (camera_from_table @ [*point, 1])[:3]`, `p[:2] / p[2]`.
+    """
+
+    matrix: Array
+    """Intrinsic matrix K (3, 3) in pixels; (n, 3, 3) of several environments."""
+    table_from_camera: Array
+    """Pose of the camera in the table frame (4, 4), in metres; (n, 4, 4) of several."""
+
+
 SPEED_UP = 0.5
 """Part of its speed limit by which a joint may get faster in a control step: a target leads one
 that is slow by less."""
@@ -164,6 +206,20 @@ class DuoBackend(Protocol):
             UnknownNameError: There is no such camera.
             RenderingError: No image of that size can be had.
         """
+        ...
+
+    def images_by_kind(self, wanted: Wanted) -> Mapping[str, Mapping[str, Any]]:
+        """The latest images of several kinds and sizes, of one state, by kind and name of a camera.
+
+        Raises:
+            UnknownNameError: There is no such camera.
+            BackendError: A camera gives no images of that kind.
+            RenderingError: No image of that size can be had.
+        """
+        ...
+
+    def camera_geometry(self, sizes: Sizes) -> Mapping[str, CameraGeometry]:
+        """Lens and present place of some cameras by name, for images of some sizes."""
         ...
 
     def close(self) -> None:

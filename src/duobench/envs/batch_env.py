@@ -18,6 +18,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
+from duobench.core.backend import CameraGeometry
 from duobench.core.errors import ActionError, OptionError, SimulationError
 from duobench.core.types import OPENING_SLOTS, Array
 from duobench.envs import spaces
@@ -41,7 +42,7 @@ from duobench.envs.duo_env import (
 )
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.episode_wrappers import SEEDS
-from duobench.envs.observation_wrappers import PIXELS, flat_entries
+from duobench.envs.observation_wrappers import KEYS, flat_entries
 from duobench.envs.registration import WARP
 from duobench.envs.rewards import DENSE, reward_of
 from duobench.envs.sim_env import sim_of
@@ -107,7 +108,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
                 "With threads or Warp, autoreset_mode is NEXT_STEP or DISABLED, an AutoresetMode; "
                 f"got {autoreset_mode!r}."
             )
-        if config.cameras:
+        if config.wanted:
             env.get_wrapper_attr("set_rendering")(
                 False
             )  # images of all are rendered here
@@ -352,17 +353,39 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if self._config.object_state:
             numbers = self._base.definition.object_state
             observation[ENVIRONMENT_STATE] = numbers.read(self.simulations)
-        cameras = self._config.cameras
-        if cameras:
-            size = self._config.image_size
-            seen = self._rendered(lambda: self._base.backend.images(cameras, size))
-            observation[PIXELS] = {
-                name: np.stack([one[name] for one in seen]) for name in cameras
-            }
+        wanted = self._config.wanted
+        if wanted:
+            seen = self._rendered(lambda: self._base.backend.images_by_kind(wanted))
+            for kind in wanted:
+                observation[KEYS[kind]] = {
+                    name: np.stack([one[kind][name] for one in seen])
+                    for name in seen[0][kind]
+                }
         return flat_entries(observation) if self._config.flat_obs else observation
 
+    @property
+    def cameras(self) -> dict[str, CameraGeometry]:
+        """Lens and place of each camera at this step, arrays with an entry for each episode."""
+        if not self._config.wanted:
+            return {}
+        seen = self._rendered(lambda: self._env.get_wrapper_attr("cameras"))
+        return {
+            name: CameraGeometry(
+                matrix=np.stack([one[name].matrix for one in seen]),
+                table_from_camera=np.stack(
+                    [one[name].table_from_camera for one in seen]
+                ),
+            )
+            for name in (seen[0] if seen else ())
+        }
+
+    @property
+    def segmentation_ids(self) -> dict[str, int]:
+        """Number in a segmentation of each part of the scene, by name."""
+        return self._base.segmentation_ids
+
     def _rendered(self, render: Callable[[], Any]) -> list[Any]:
-        """Images as the single environment renders them, of each episode."""
+        """Images, or what else follows from them, of each episode in the single environment."""
         images: list[Any] = []
         for number, (_, info) in enumerate(self._starts):
             self.simulations.world(number)

@@ -1,9 +1,17 @@
 """Options of an environment, and about one of its resets."""
 
-from collections.abc import Callable, Collection, Hashable, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
+from duobench.core.backend import (
+    DEPTH,
+    RGB,
+    SEGMENTATION,
+    AnyCamera,
+    Sizes,
+    Wanted,
+)
 from duobench.core.errors import (
     OptionError,
     UnknownNameError,
@@ -12,13 +20,20 @@ from duobench.core.errors import (
     escaped,
 )
 from duobench.core.randomness import EVAL, SPLITS
+from duobench.core.settings import decode
 from duobench.core.types import as_count, as_several, as_size, as_whole
 from duobench.envs import action_modes
 from duobench.envs.rewards import REWARDS, STAGE
 from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
-from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
+from duobench.world.robot.cameras import (
+    HEAD,
+    NATIVE_HEIGHT,
+    NATIVE_WIDTH,
+    POLICY_CAMERAS,
+    Camera,
+)
 from duobench.world.robot.joints import check_speed_fraction
 
 RENDER_MODES = ("rgb_array",)
@@ -48,10 +63,16 @@ class EnvConfig:
     Plain data: it is written into every record and compared with what a policy expects.
     """
 
-    cameras: tuple[str, ...] = POLICY_CAMERAS
-    """Cameras that the observation shows."""
+    cameras: tuple[str | Camera, ...] = POLICY_CAMERAS
+    """Cameras that the observation shows: names of the robot's, and cameras of one's own."""
     image_size: tuple[int, int] = IMAGE_SIZE
     """Height and width of their images in pixels; at most 720 x 1280."""
+    image_sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict, hash=False)
+    """Height and width by camera, of those with another size than `image_size`."""
+    depth: tuple[str, ...] = ()
+    """Cameras, with or without images among `cameras`, whose depth the observation holds."""
+    segmentation: tuple[str, ...] = ()
+    """Cameras whose pixels the observation names the parts of, as `env.segmentation_ids`."""
     object_state: bool = False
     """Whether the observation holds `environment_state`, the privileged numbers of the objects."""
     flat_obs: bool = False
@@ -105,14 +126,8 @@ class EnvConfig:
                 f"speed_fraction is a number, got {self.speed_fraction!r}."
             )
         check_speed_fraction(self.speed_fraction)
-        if not isinstance(self.cameras, tuple):
-            raise OptionError(
-                "cameras is True, False, the name of a camera, or a list of names; their images "
-                f"have one size, image_size. Got {self.cameras!r}."
-            )
-        for name in self.cameras:
-            check_known("camera", name, POLICY_CAMERAS)
         _check_size("image_size", self.image_size)
+        _check_cameras(self)
         _check_size("render_size", self.render_size)
         _check_count("chunk", self.chunk)
         _check_count("horizon", self.horizon)
@@ -126,15 +141,32 @@ class EnvConfig:
                 f"A shift is a Shift, its name or its fields; got {self.shift!r}."
             )
 
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """Names of the cameras that the observation shows."""
+        return tuple(map(name_of, self.cameras))
+
+    @property
+    def wanted(self) -> Wanted:
+        """Images of an observation, by their kind; a kind that is not asked for is not there."""
+        return wanted_images(
+            self.cameras,
+            self.depth,
+            self.segmentation,
+            self.image_size,
+            self.image_sizes,
+        )
+
     @classmethod
     def from_options(cls, options: Mapping[str, Any]) -> Self:
         """Make a configuration of keyword arguments, which may be looser than the fields.
 
         Args:
             options: Values of the fields by name. `cameras` may also be True (all), False (none),
-                one name or several in their order; a size one number for a square; `look` the JSON
-                form of one; `shift` a name such as "look-3", or the JSON form. Numbers may be
-                NumPy's, and a size a list.
+                one camera or several in their order, or sizes by name; `depth` and `segmentation`
+                True (all of `cameras`, or of the robot's where there are none), False, or names; a
+                size one number for a square; `look` and a camera the JSON form of one; `shift` a
+                name such as "look-3", or the JSON form. Numbers may be NumPy's, and a size a list.
 
         Raises:
             UnknownOptionError: There is no such option.
@@ -151,13 +183,100 @@ class EnvConfig:
         values = dict(options)
         for name in _FORMS.keys() & values.keys():
             values[name] = _FORMS[name](values[name])
+        if isinstance(values.get("cameras"), Mapping):
+            given = values["cameras"]
+            values["cameras"], by_name = _with_sizes(given)
+            values["image_sizes"] = {**values.get("image_sizes", {}), **by_name}
+        for name in (DEPTH, SEGMENTATION):
+            if _flag(values.get(name)) is True:
+                cameras = as_several(values.get("cameras", POLICY_CAMERAS)) or ()
+                values[name] = tuple(map(name_of, cameras)) or POLICY_CAMERAS
         return cls(**values)
+
+
+def name_of(camera: Any) -> Any:
+    """Name of a camera of one's own, or of the robot's, which is given by it."""
+    return camera.name if isinstance(camera, Camera) else camera
+
+
+def wanted_images(
+    cameras: Sequence[str | Camera],
+    depth: Sequence[str],
+    segmentation: Sequence[str],
+    size: tuple[int, int],
+    sizes: Mapping[str, tuple[int, int]],
+) -> dict[str, Sizes]:
+    """Images of an observation by their kind, with their sizes.
+
+    Raises:
+        UnknownNameError: There is no such camera.
+        OptionError: Two cameras have one name.
+    """
+    own = {camera.name: camera for camera in cameras if isinstance(camera, Camera)}
+    if len(own) < sum(isinstance(camera, Camera) for camera in cameras):
+        names = [name_of(camera) for camera in cameras]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise OptionError(
+            f"Two cameras are called {twice!r}; each has a name of its own, such as "
+            f"'{twice}_2'."
+        )
+    known = (*POLICY_CAMERAS, *own)
+    for name in sizes:
+        check_known("camera", name, known)
+    wanted: dict[str, Sizes] = {}
+    for kind, given in ((RGB, cameras), (DEPTH, depth), (SEGMENTATION, segmentation)):
+        by_camera: dict[str | AnyCamera, tuple[int, int]] = {}
+        for name in map(name_of, given):
+            check_known("camera", name, known)
+            camera = own.get(name)
+            usual = size if camera is None or camera.size is None else camera.size
+            by_camera[camera or name] = sizes.get(name, usual)
+        if by_camera:
+            wanted[kind] = by_camera
+    return wanted
 
 
 def _cameras(value: Any) -> Any:
     if isinstance(value, bool):
         return POLICY_CAMERAS if value else ()
+    if isinstance(value, Camera):
+        return (value,)
+    several = as_several(value)
+    if several is None:
+        return value
+    return tuple(
+        decode(dict(each), Camera, "camera") if isinstance(each, Mapping) else each
+        for each in several
+    )
+
+
+def _names(value: Any) -> Any:
+    if _flag(value) is False:
+        return ()
+    if isinstance(value, Camera):  # in a tuple, it is rejected by what it is
+        return (value,)
     return value if (names := as_several(value)) is None else names
+
+
+def _sizes(value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    return {name: _size(size) for name, size in value.items()}
+
+
+def _with_sizes(
+    given: Mapping[Any, Any],
+) -> tuple[tuple[str | Camera, ...], dict[str, Any]]:
+    """Cameras, and the sizes of those of the robot, of sizes by camera."""
+    cameras = tuple(
+        replace(camera, size=size) if isinstance(camera, Camera) and size else camera
+        for camera, size in given.items()
+    )
+    return cameras, {
+        name: _size(size)
+        for name, size in given.items()
+        if size is not None and not isinstance(name, Camera)
+    }
 
 
 def _size(value: Any) -> Any:
@@ -190,6 +309,9 @@ _FLAGS = ("object_state", "flat_obs", "binary_gripper")
 _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "cameras": _cameras,
     "image_size": _size,
+    "image_sizes": _sizes,
+    DEPTH: _names,
+    SEGMENTATION: _names,
     "render_size": _size,
     **dict.fromkeys(_FLAGS, _flag),
     "chunk": _number,
@@ -198,6 +320,37 @@ _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "shift": _shift,
 }
 """Functions that give a looser value the form of its field, and leave anything else as it is."""
+
+
+_SIZED = {HEAD: (128, 128)}
+"""Sizes by name, for messages."""
+
+
+def _check_cameras(config: EnvConfig) -> None:
+    if not isinstance(config.cameras, tuple):
+        raise OptionError(
+            "cameras is True, False, a camera, a list of them, or sizes by name, such as "
+            f"{_SIZED}; got {config.cameras!r}."
+        )
+    for name in (DEPTH, SEGMENTATION):
+        value = getattr(config, name)
+        if not isinstance(value, tuple):
+            raise OptionError(
+                f"{name} is True, False, the name of a camera, or a list of names; got {value!r}."
+            )
+        if any(isinstance(camera, Camera) for camera in value):
+            raise OptionError(
+                f"{name} takes names; a camera of one's own stands in cameras, and {name} has its "
+                f"name; got {value!r}."
+            )
+    if not isinstance(config.image_sizes, Mapping):
+        raise OptionError(
+            f"image_sizes is sizes by the name of a camera, such as {_SIZED}; got "
+            f"{config.image_sizes!r}."
+        )
+    for name, size in config.image_sizes.items():
+        _check_size(f"The size of camera {name!r}", size)
+    _ = config.wanted  # rejects unknown names, and one name of two cameras
 
 
 def _check_size(name: str, value: Any) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.core.backend import DuoBackend
+from duobench.core.backend import CameraGeometry, DuoBackend
 from duobench.core.errors import BackendError, DuoBenchError, OptionError, escaped
 from duobench.core.types import CONTROL_HZ, Array, DuoCommand
 from duobench.envs import spaces
@@ -22,6 +22,7 @@ from duobench.envs.action_modes import ActionMode
 from duobench.envs.config import EnvConfig, checked_reset_options, checked_seed
 from duobench.envs.episode_state import EpisodeState, StateError
 from duobench.tasks.task import Task
+from duobench.world.objects.segmentation import segmentation_ids
 
 Observation = dict[str, Any]
 Info = dict[str, Any]
@@ -127,6 +128,16 @@ class DuoEnv(gym.Env[Observation, Any]):
             number: stage.instruction
             for number, stage in enumerate(self.definition.stages)
         }
+
+    @property
+    def cameras(self) -> dict[str, CameraGeometry]:
+        """Lens and place at this step of each camera whose images are observed; here none."""
+        return {}
+
+    @property
+    def segmentation_ids(self) -> dict[str, int]:
+        """Number in a segmentation of each part of the scene: always the same of a task."""
+        return segmentation_ids(self.definition.props)
 
     @property
     def _max_episode_steps(self) -> int:
@@ -360,6 +371,19 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def task_description(self) -> str:
         """The instruction of this episode."""
         return self.base.task_description
+
+    @property
+    def cameras(self) -> dict[str, CameraGeometry]:
+        """Lens and place at this step of each camera whose images are observed, by name.
+
+        They are those of the present state, also where shifted sensors show an older image.
+        """
+        return self.env.get_wrapper_attr("cameras")
+
+    @property
+    def segmentation_ids(self) -> dict[str, int]:
+        """Number in a segmentation of each part of the scene, by name."""
+        return self.base.segmentation_ids
 
     def save_state(self) -> EpisodeState:
         """The whole state of the running episode; see `SimEnv.save_state`."""

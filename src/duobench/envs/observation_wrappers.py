@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
 
-from duobench.core.errors import OptionError, check_known
+from duobench.core.backend import (
+    DEPTH,
+    RGB,
+    SEGMENTATION,
+    CameraGeometry,
+    DuoBackend,
+    Wanted,
+)
+from duobench.core.errors import OptionError
 from duobench.core.randomness import EVAL
-from duobench.core.types import Array, as_several
-from duobench.envs.config import IMAGE_SIZE
+from duobench.core.types import SIDES, Array, as_several
+from duobench.envs.config import IMAGE_SIZE, name_of, wanted_images
 from duobench.envs.duo_env import (
     DuoWrapper,
     Observation,
@@ -28,7 +37,15 @@ from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import level_for
 from duobench.tasks.shifts.samples import EpisodeKey
 from duobench.tasks.shifts.shift import SENSING, Shift
-from duobench.world.robot.cameras import POLICY_CAMERAS, check_image_size
+from duobench.world.objects.segmentation import CAMERA, MOUNT, gripper_part
+from duobench.world.robot.camera_geometry import named
+from duobench.world.robot.cameras import (
+    FARTHEST,
+    POLICY_CAMERAS,
+    Camera,
+    check_image_size,
+)
+from duobench.world.robot.stereo import StereoQuality, measured_depth
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
@@ -36,69 +53,118 @@ if TYPE_CHECKING:
 
 PIXELS = "pixels"
 """Key of the images in an observation."""
+KEYS: Mapping[str, str] = {RGB: PIXELS, DEPTH: DEPTH, SEGMENTATION: SEGMENTATION}
+"""Key of the images of each kind."""
+FLAT_ENDS: Mapping[str, str] = {
+    PIXELS: "image",
+    DEPTH: DEPTH,
+    SEGMENTATION: SEGMENTATION,
+}
+"""End of the name of an image of each of these keys in a flat observation."""
+NO_SIZES: Mapping[str, tuple[int, int]] = {}
 
 
 class Cameras(ObservingWrapper):
-    """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
+    """Adds images to the observation, by the name of the camera.
+
+    `pixels` holds colours (height, width, 3), uint8; `depth` metres along the optical axis
+    (height, width), float32, 0 where nothing is or what is there is further than 7 m;
+    `segmentation` the number of the part that is shown (height, width), int32, 0 for none, see
+    `DuoEnv.segmentation_ids`. Each is there if it is asked for.
 
     It belongs outside action chunks: one image of each camera is rendered for each step and each
     reset, nothing before the first reset. `set_rendering` leaves out images that are not
     needed; `env.get_wrapper_attr` finds it through any wrappers.
 
     Args:
-        cameras: Names of cameras.
-        image_size: Height and width in pixels, at most the native 720 x 1280. An image shows
-            the whole native field of view at every size.
+        cameras: Names of cameras, and cameras of one's own.
+        image_size: Height and width in pixels, at most the native 720 x 1280. An image of the
+            robot's cameras shows the whole native field of view at every size.
+        depth: Names of the cameras whose depth it adds.
+        segmentation: Names of the cameras whose parts it adds.
+        image_sizes: Sizes by name, of cameras with another one.
 
     Raises:
         UnknownNameError: There is no such camera.
         RenderingError: The size is larger than the native one, or not positive.
+        BackendError: A camera of real arms gives no such images.
     """
 
     def __init__(
         self,
         env: gym.Env,
-        cameras: Sequence[str] = POLICY_CAMERAS,
+        cameras: str | Camera | Sequence[str | Camera] = POLICY_CAMERAS,
         image_size: tuple[int, int] = IMAGE_SIZE,
+        depth: str | Sequence[str] = (),
+        segmentation: str | Sequence[str] = (),
+        image_sizes: Mapping[str, tuple[int, int]] = NO_SIZES,
     ) -> None:
-        names = as_several(cameras)
-        if names is None:
+        seen = as_several((cameras,) if isinstance(cameras, Camera) else cameras)
+        far, parts = as_several(depth), as_several(segmentation)
+        if seen is None or far is None or parts is None:
             raise OptionError(
-                f"cameras is a name, or a list of names; got {cameras!r}."
+                "cameras, depth and segmentation are a name, or a list of names; got "
+                f"{cameras!r}, {depth!r} and {segmentation!r}."
             )
-        for name in names:
-            check_known("camera", name, POLICY_CAMERAS)
-        self._cameras = names
+        self._wanted = wanted_images(seen, far, parts, image_size, image_sizes)
         self._is_rendering = True
-        height, width = self._shape = image_size
-        check_image_size(height, width)
-
-        images: dict[str, gym.Space] = {
-            name: gym.spaces.Box(
-                0,
-                255,
-                (height, width, 3),
-                dtype=np.uint8,
+        for sizes in self._wanted.values():
+            for size in sizes.values():
+                check_image_size(*size)
+        ids = base_of(env).segmentation_ids if parts else {}
+        spaces: dict[str, gym.Space] = {
+            KEYS[kind]: gym.spaces.Dict(
+                {
+                    name_of(camera): _space(kind, size, ids)
+                    for camera, size in sizes.items()
+                }
             )
-            for name in names
+            for kind, sizes in self._wanted.items()
         }
-        space = gym.spaces.Dict(images)
         super().__init__(
-            env, {PIXELS: space}, cameras=self._cameras, image_size=image_size
+            env,
+            spaces,
+            cameras=seen,
+            image_size=image_size,
+            depth=far,
+            segmentation=parts,
+            image_sizes=image_sizes,
         )
 
+    @property
+    def wanted(self) -> Wanted:
+        """Images of an observation, by their kind."""
+        return self._wanted
+
+    @property
+    def cameras(self) -> dict[str, CameraGeometry]:
+        """Lens and place at this step of each camera whose images are observed."""
+        sizes = {
+            camera: size
+            for each in self._wanted.values()
+            for camera, size in each.items()
+        }
+        return dict(self.base.backend.camera_geometry(sizes))
+
     def set_rendering(self, is_on: bool) -> None:
-        """Switch images on or off; while they are off, an observation has no `pixels`."""
+        """Switch images on or off; while they are off, an observation has none."""
         self._is_rendering = is_on
 
     def observation(self, observation: Observation) -> Observation:
-        """The observation with an image of each camera, unless they are switched off."""
+        """The observation with images of each camera, unless they are switched off."""
         if not self._is_rendering:
             return observation
-        return {
-            **observation,
-            PIXELS: self.base.backend.images(self._cameras, self._shape),
-        }
+        images = self.base.backend.images_by_kind(self._wanted)
+        return {**observation, **{KEYS[kind]: images[kind] for kind in self._wanted}}
+
+
+def _space(kind: str, size: tuple[int, int], ids: Mapping[str, int]) -> gym.spaces.Box:
+    """The space of an image."""
+    if kind == DEPTH:
+        return gym.spaces.Box(0.0, FARTHEST, size, dtype=np.float32)
+    if kind == SEGMENTATION:
+        return gym.spaces.Box(0, max(ids.values()), size, dtype=np.int32)
+    return gym.spaces.Box(0, 255, (*size, 3), dtype=np.uint8)
 
 
 class ObjectStates(ObservingWrapper):
@@ -137,9 +203,9 @@ class ObjectStates(ObservingWrapper):
 class FlatObservations(ObservingWrapper):
     """Gives a `Dict` of one level: `head_image`, `left_wrist_image`, ... instead of `pixels`.
 
-    Libraries of reinforcement learning take no `Dict` inside a `Dict`. The images stay
-    (height, width, 3), uint8, and everything else stays as it is; no vector is made of it. Put it
-    outside the wrappers that add to the observation.
+    Likewise `head_depth` and `head_segmentation`. Libraries of reinforcement learning take no
+    `Dict` inside a `Dict`. The images stay arrays of their shape, and everything else stays as it
+    is; no vector is made of it. Put it outside the wrappers that add to the observation.
     """
 
     def __init__(self, env: gym.Env) -> None:
@@ -155,9 +221,13 @@ class FlatObservations(ObservingWrapper):
 def flat_entries(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of an observation, or their spaces, with each image at the top."""
     images = {
-        f"{camera}_image": image for camera, image in entries.get(PIXELS, {}).items()
+        f"{camera}_{end}": image
+        for key, end in FLAT_ENDS.items()
+        for camera, image in entries.get(key, {}).items()
     }
-    return {key: value for key, value in entries.items() if key != PIXELS} | images
+    return {
+        key: value for key, value in entries.items() if key not in FLAT_ENDS
+    } | images
 
 
 MAX_AGE = 30
@@ -173,9 +243,11 @@ class Sensing(DuoWrapper):
     """Gives observations as worse sensors would, from the seed of the layout; physics stay.
 
     Every camera takes a frame each control step, and drops it with a probability: then it shows the
-    state of the last frame that it did not drop. Joint positions, openings, positions of tools and
-    the numbers of objects have Gaussian noise that is new at every step. What an episode meets does
-    not depend on who asks for images, or when. Noise in images belongs to the look.
+    state of the last frame that it did not drop, in all kinds of images. Depth is measured as a
+    stereo camera does, by `duobench.world.robot.stereo.measured_depth`. Joint positions, openings,
+    positions of tools and the numbers of objects have Gaussian noise that is new at every step.
+    What an episode meets does not depend on who asks for images, or when. Noise in colours belongs
+    to the look.
 
     Args:
         env: A simulated environment with its cameras, if it has any.
@@ -188,7 +260,24 @@ class Sensing(DuoWrapper):
         super().__init__(env, shift=shift)
         self._level = level_for(shift, SENSING, self.task)
         self._base = sim_of(env)
+        try:
+            self._wanted: Wanted = env.get_wrapper_attr("wanted")
+        except AttributeError:  # there are no cameras inside
+            self._wanted = {}
+        self._cameras = {
+            name_of(camera): camera
+            for sizes in self._wanted.values()
+            for camera in sizes
+        }
+        self._own = sorted(self._cameras.keys() - {*POLICY_CAMERAS})
+        self._quality = StereoQuality(
+            subpixel=levels.DEPTH_SUBPIXEL[self._level],
+            farthest=levels.DEPTH_FARTHEST[self._level],
+            shiny_share=levels.DEPTH_SHINY_SHARE[self._level],
+        )
+        self._seed = 0
         self._generator = self._frames = np.random.default_rng(0)
+        self._own_frames: dict[str, np.random.Generator] = {}
         self._ages: dict[str, int] = {}
         self._past: deque[Array] = deque(maxlen=MAX_AGE + 1)
         self._past_backend: SimBackend | None = None
@@ -199,6 +288,10 @@ class Sensing(DuoWrapper):
         split = info.get("split") or EVAL
         key = EpisodeKey(task=self.task, seed=info.get("seed") or 0, split=split)
         self._generator, self._frames = key.generator(SENSING), key.generator(_FRAMES)
+        self._own_frames = {
+            name: key.generator(f"{_FRAMES} {name}") for name in self._own
+        }
+        self._seed = key.seed
         self._begin()
         return self._sensed(observation), info
 
@@ -208,7 +301,9 @@ class Sensing(DuoWrapper):
         self._past.append(self._base.simulation.get_state())
         # Every camera has its number, also one that is not used.
         chances = self._frames.uniform(size=len(POLICY_CAMERAS)).tolist()
-        for camera, chance in zip(POLICY_CAMERAS, chances, strict=True):
+        chances += [float(each.uniform()) for each in self._own_frames.values()]
+        cameras = (*POLICY_CAMERAS, *self._own)
+        for camera, chance in zip(cameras, chances, strict=True):
             is_dropped = chance < levels.DROPPED_SHARE[self._level]
             age = self._ages[camera]
             self._ages[camera] = age + 1 if is_dropped and age < MAX_AGE else 0
@@ -223,6 +318,10 @@ class Sensing(DuoWrapper):
         seed = int(state.hash, 16)
         self._generator = np.random.default_rng((seed, 0))
         self._frames = np.random.default_rng((seed, 1))
+        self._own_frames = {
+            name: np.random.default_rng((seed, 2, *name.encode())) for name in self._own
+        }
+        self._seed = seed
         self._begin()
         return self._sensed(observation), info
 
@@ -234,7 +333,7 @@ class Sensing(DuoWrapper):
         super().close()
 
     def _begin(self) -> None:
-        self._ages = dict.fromkeys(POLICY_CAMERAS, 0)
+        self._ages = dict.fromkeys((*POLICY_CAMERAS, *self._own), 0)
         self._past.clear()
         self._past.append(self._base.simulation.get_state())
 
@@ -246,13 +345,8 @@ class Sensing(DuoWrapper):
         poses = sensed["tcp_pose"].reshape(-1, _TOOL).copy()
         poses[:, :3] = self._noisy(poses[:, :3], levels.POSE_NOISE[self._level])
         sensed["tcp_pose"] = poses.ravel()
-        if PIXELS in sensed:
-            late = {
-                camera: self._seen(camera, age, image.shape[:2])
-                for camera, image in sensed[PIXELS].items()
-                if (age := self._ages[camera])
-            }
-            sensed[PIXELS] = {**sensed[PIXELS], **late}
+        for kind, images in self._images(sensed).items():
+            sensed[KEYS[kind]] = images
         space: Any = self.observation_space
         for name in sensed.keys() & {*NOISY, "tcp_pose"}:
             sensed[name] = np.clip(sensed[name], space[name].low, space[name].high)
@@ -262,12 +356,47 @@ class Sensing(DuoWrapper):
         noise = self._generator.standard_normal(numbers.shape) * deviation
         return (numbers + noise).astype(numbers.dtype)
 
-    def _seen(
-        self,
-        camera: str,
-        age: int,
-        shape: tuple[int, int],
-    ) -> Any:
+    def _images(self, observation: Observation) -> dict[str, dict[str, Any]]:
+        """Images of an observation as its cameras show them: late, and with measured depth."""
+        shown = {
+            kind: dict(observation[KEYS[kind]])
+            for kind in self._wanted
+            if KEYS[kind] in observation
+        }
+        for name, camera in self._cameras.items() if shown else ():
+            kinds = [kind for kind in shown if name in shown[kind]]
+            if not self._ages[name]:
+                kinds = [kind for kind in kinds if kind == DEPTH]
+            size = next(
+                sizes[camera] for sizes in self._wanted.values() if camera in sizes
+            )
+            # What is shiny is told by the parts that pixels show.
+            more = (SEGMENTATION,) if DEPTH in kinds else ()
+            wanted = {kind: {camera: size} for kind in (*kinds, *more)}
+            images = self._backend_at(self._ages[name]).images_by_kind(wanted)
+            for kind in kinds:
+                shown[kind][name] = images[kind][name]
+            if more:
+                shown[DEPTH][name] = measured_depth(
+                    images[DEPTH][name],
+                    np.isin(images[SEGMENTATION][name], self._shiny),
+                    named(camera),
+                    self._quality,
+                    f"{self._seed}".encode()
+                    + self._past[-1 - self._ages[name]].tobytes(),
+                )
+        return shown
+
+    @cached_property
+    def _shiny(self) -> list[int]:
+        """Numbers of the parts that are of bare metal and glass; objects are printed, so matt."""
+        ids = self.segmentation_ids
+        return [ids[part] for part in (*map(gripper_part, SIDES), CAMERA, MOUNT)]
+
+    def _backend_at(self, age: int) -> DuoBackend:
+        """Arms as they were some control steps ago."""
+        if not age:
+            return self._base.backend
         if self._past_backend is None:
             from duobench.world.sim.backend import SimBackend
             from duobench.world.sim.simulation import Simulation
@@ -278,4 +407,4 @@ class Sensing(DuoWrapper):
         backend.set_look(self._base.look)
         backend.simulation.apply(self._base.layout)
         backend.simulation.set_state(self._past[-1 - age])
-        return backend.images((camera,), shape)[camera]
+        return backend

@@ -127,8 +127,15 @@ def stack_on(
         stack = ActionChunks(stack, config.chunk)
     if config.object_state:
         stack = ObjectStates(stack)
-    if config.cameras:
-        stack = Cameras(stack, config.cameras, config.image_size)
+    if config.wanted:
+        stack = Cameras(
+            stack,
+            config.cameras,
+            config.image_size,
+            config.depth,
+            config.segmentation,
+            config.image_sizes,
+        )
     if level_for(config.shift, SENSING, stack.task):
         stack = Sensing(stack, config.shift)
     if config.flat_obs:

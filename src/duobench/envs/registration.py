@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 import gymnasium as gym
@@ -11,6 +12,7 @@ from gymnasium.envs.registration import EnvSpec, WrapperSpec
 from duobench.core.errors import DuoBenchError, OptionError
 from duobench.core.types import as_count, as_several
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import Camera
 
 if TYPE_CHECKING:
     from duobench.tasks.shifts.shift import Shift
@@ -30,8 +32,11 @@ WRAPPERS = WrapperSpec("protocol", "duobench.envs.protocol:with_wrappers", {})
 class EnvOptions(TypedDict, total=False):
     """Options of `EnvConfig.from_options`, which describes each, and Gymnasium's time limit."""
 
-    cameras: bool | str | Iterable[str]
+    cameras: bool | str | Camera | Iterable[str | Camera] | Mapping[str, Any]
     image_size: int | Sequence[int]
+    image_sizes: Mapping[str, int | Sequence[int]]
+    depth: bool | str | Iterable[str]
+    segmentation: bool | str | Iterable[str]
     object_state: bool
     flat_obs: bool
     action_mode: str
@@ -91,8 +96,12 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
         task: Id of a task or of its environment, import path "module:ATTRIBUTE", or a task.
         options: What differs from the evaluation protocol, by name:
 
-            - `cameras` (True): True, False, or names: head, left_wrist, right_wrist.
+            - `cameras` (True): True, False, or several of head, left_wrist, right_wrist and
+              `duobench.Camera`s of one's own; or sizes of their images by name.
             - `image_size` (224, 224): height and width of their images, or one number, in pixels.
+            - `image_sizes` ({}): sizes by camera of those that have another one.
+            - `depth` (False): True, False or names of cameras whose depth observations hold.
+            - `segmentation` (False): the same for the parts that pixels show.
             - `object_state` (False): whether observations hold `environment_state`, privileged.
             - `flat_obs` (False): a `Dict` of one level, `head_image` in place of `pixels`, ...
             - `action_mode` ("joint"): or "joint_relative", "cartesian", "cartesian_relative".
@@ -198,9 +207,19 @@ def make_vec(
 
 def _spec_with(task: Task | str, options: EnvOptions) -> EnvSpec | str:
     """Specification of a task's environment for Gymnasium, of options that it may copy."""
-    cameras = as_several(options.get("cameras"))
-    if cameras is not None:
-        options["cameras"] = cameras  # the spec keeps and copies it, so no generator
+    # The spec keeps these and writes them as JSON: no generators, and cameras as plain data.
+    given: dict[str, Any] = dict(options)
+    for name in ("depth", "segmentation"):
+        several = as_several(given.get(name))
+        if several is not None:
+            given[name] = several
+    cameras = given.get("cameras")
+    several = (cameras,) if isinstance(cameras, Camera) else as_several(cameras)
+    if several is not None:
+        given["cameras"] = tuple(
+            asdict(each) if isinstance(each, Camera) else each for each in several
+        )
+    options.update(given)  # type: ignore[typeddict-item] - plain data is taken too
     if isinstance(task, str) and (known := env_id(catalog.plain(task))) in gym.registry:
         return known
     return _spec(task)

@@ -235,8 +235,8 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
 
 def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
     for camera in metadata.cameras:
-        if camera not in config.cameras:
-            cameras = ", ".join(config.cameras) or "none"
+        if camera not in config.camera_names:
+            cameras = ", ".join(config.camera_names) or "none"
             yield f"it sees camera {camera!r}, the environment shows {cameras}"
     size = metadata.image_size
     if metadata.cameras and size is not None and size != config.image_size:

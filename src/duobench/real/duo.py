@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from duobench.core.backend import Image
+from duobench.core.backend import RGB, CameraGeometry, Image, Sizes, Wanted
 from duobench.core.errors import ActionError, BackendError, escaped
 from duobench.core.types import SIDES, Array, DuoCommand, DuoState, Side
 from duobench.real.canonical import CanonicalViews
@@ -33,6 +33,7 @@ from duobench.real.supervisor import HELD, State, Supervisor
 from duobench.real.watchdog import Watchdog
 from duobench.real.way_home import path_home, points
 from duobench.results.labels import Fault, FaultKind
+from duobench.world.robot.camera_geometry import geometries
 from duobench.world.robot.frames import tcp_poses
 from duobench.world.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits
 
@@ -464,6 +465,27 @@ class FrankaDuo:
             BackendError: A camera has given no image yet.
         """
         return self._views.images(cameras, shape)
+
+    def images_by_kind(self, wanted: Wanted) -> dict[str, dict[str, Any]]:
+        """The latest images of several kinds; see `DuoBackend.images_by_kind`.
+
+        Raises:
+            BackendError: The rig gives no images of that kind.
+        """
+        found: dict[str, dict[str, Any]] = {}
+        for kind, sizes in wanted.items():
+            if kind != RGB:
+                raise BackendError(
+                    f"The cameras of this rig give no {kind}; leave {kind} out."
+                )
+            found[kind] = {}
+            for camera, size in sizes.items():
+                found[kind] |= self._views.images([str(camera)], size)
+        return found
+
+    def camera_geometry(self, sizes: Sizes) -> dict[str, CameraGeometry]:
+        """Lens and present place of some cameras, as the simulation's are; by name."""
+        return geometries(sizes, self.read().tcp_poses)
 
     def _measure(self) -> None:
         readings, grippers = self.readings(), self.gripper_readings()

@@ -126,7 +126,7 @@ def identity(part: RunPart) -> Facts:
     indices = f"number {first}" if first == last else f"numbers {first}–{last}"
     height, width = config.image_size
     images = (
-        f"{', '.join(config.cameras)}, {width} × {height} pixels"
+        f"{', '.join(config.camera_names)}, {width} × {height} pixels"
         if config.cameras
         else "none"
     )

@@ -10,11 +10,24 @@ import mujoco
 import numpy as np
 import pytest
 
+from duobench.core.backend import DEPTH, KINDS, RGB, SEGMENTATION
 from duobench.core.errors import RenderingError, UnknownNameError
 from duobench.core.spatial import SE3
+from duobench.tasks import catalog
+from duobench.world.looks.catalog import look
+from duobench.world.looks.look import Look
 from duobench.world.objects.blocks import RED, cube
 from duobench.world.objects.prop import Prop
-from duobench.world.robot.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
+from duobench.world.objects.segmentation import segmentation_ids
+from duobench.world.robot.cameras import (
+    CAMERAS,
+    FARTHEST,
+    HEAD,
+    HEAD_POSITION,
+    OVERVIEW,
+    POLICY_CAMERAS,
+    Camera,
+)
 from duobench.world.robot.workcell import TABLE_X, TABLE_Y
 from duobench.world.scene.surfaces import (
     COLLISION_GEOM_GROUP,
@@ -22,9 +35,12 @@ from duobench.world.scene.surfaces import (
     VISUAL_GEOM_GROUP,
 )
 from duobench.world.sim import rendering, rendering_process
+from duobench.world.sim.offscreen import FURNITURE
 from duobench.world.sim.opengl import BACKENDS
 from duobench.world.sim.rendering import Renderer
+from duobench.world.sim.segmentation import labels_of
 from duobench.world.sim.simulation import Simulation
+from tests.envs.tools import equal
 
 SIZE = 96
 
@@ -248,3 +264,152 @@ def test_what_draws_is_described(renderer: Renderer) -> None:
     assert info == renderer.info
     assert info.backend in BACKENDS
     assert all((info.renderer, info.vendor, info.version[0].isdigit()))
+
+
+ALL = {kind: dict.fromkeys(POLICY_CAMERAS, (SIZE, SIZE)) for kind in KINDS}
+
+
+def test_depth_and_parts_are_of_the_same_state_and_leave_colours_alone(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    alone = renderer.render_all(simulation.data, POLICY_CAMERAS)
+    images = renderer.render_kinds(simulation.data, ALL)
+    assert equal(images[RGB], alone)
+    for name in POLICY_CAMERAS:
+        depth, geoms = images[DEPTH][name], images[SEGMENTATION][name]
+        assert (depth.dtype, geoms.dtype) == (np.float32, np.int32)
+        assert depth.shape == geoms.shape == (SIZE, SIZE)
+        assert np.array_equal(geoms, renderer.segment(simulation.data, name))
+        assert ((depth > 0.0) == (geoms >= 0)).all()
+    again = renderer.render_kinds(simulation.data, ALL)
+    assert equal(again, images)
+    kept = images[DEPTH][HEAD].copy()
+    again[DEPTH][HEAD][:] = 0.0
+    assert np.array_equal(images[DEPTH][HEAD], kept)
+
+
+def test_rays_of_the_engine_are_as_long(simulation: Simulation) -> None:
+    """The middle of each pixel shows what a ray through it meets, a tenth of a millimetre exact."""
+    model, data = simulation.model, simulation.data
+    size = (72, 128)
+    with Renderer(model, height=size[0], width=size[1]) as renderer:
+        depth = renderer.render_kinds(data, {DEPTH: {HEAD: size}})[DEPTH][HEAD]
+    camera, focal = model.camera(HEAD).id, CAMERAS[HEAD].focal / 10
+    turn = data.cam_xmat[camera].reshape(3, 3)
+    groups = (np.arange(6) < 3).astype(np.uint8)
+    errors = []
+    for row, column in np.random.default_rng(0).integers((5, 5), (67, 123), (200, 2)):
+        ray = turn @ [(column - 63.5) / focal, (35.5 - row) / focal, -1.0]
+        hit = np.full(1, -1, dtype=np.int32)
+        eye = data.cam_xpos[camera]
+        length = mujoco.mj_ray(model, data, eye, ray, groups, 1, -1, hit)
+        around_it = depth[row - 1 : row + 2, column - 1 : column + 2]
+        if np.ptp(around_it) < 0.05 * depth[row, column]:  # no edge
+            errors.append(abs(length - depth[row, column]))
+    assert len(errors) > 100
+    assert np.percentile(errors, 95) < 1e-4
+
+
+def test_a_far_plane_is_where_it_is_said(simulation: Simulation) -> None:
+    model = simulation.model
+    assert model.vis.map.zfar * model.stat.extent == pytest.approx(FARTHEST)
+    away = Camera(name="away", position=(2.9, 2.2, 1.8), look_at=(-1.6, -2.3, -0.8), fovy_deg=20)
+    size = (40, 40)
+    with Renderer(model, height=40, width=40) as renderer:
+        images = renderer.render_kinds(simulation.data, {DEPTH: {away: size}, RGB: {away: size}})
+    depth = images[DEPTH]["away"]
+    assert depth.max() < FARTHEST
+    assert (depth > 6.5).any()
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_what_a_look_does_to_colours_leaves_depth_and_parts_alone(
+    simulation: Simulation, samples: int
+) -> None:
+    measured = {kind: ALL[kind] for kind in (DEPTH, SEGMENTATION)}
+    with Renderer(simulation.model, height=SIZE, width=SIZE, samples=samples) as renderer:
+        before = renderer.render_kinds(simulation.data, measured)
+        for name in ("noisy", "dark", "wood_table", "textured_objects"):
+            renderer.set_look(look(name))
+            images = renderer.render_kinds(simulation.data, ALL)
+            assert equal({kind: images[kind] for kind in measured}, before), name
+        renderer.set_look(look("camera_shift"))
+        moved = renderer.render_kinds(simulation.data, ALL)
+        assert not equal(moved[DEPTH], before[DEPTH])
+
+
+def test_furniture_of_a_look_has_depth_and_belongs_to_no_geom(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    measured = {kind: ALL[kind] for kind in (DEPTH, SEGMENTATION)}
+    before = renderer.render_kinds(simulation.data, measured)
+    renderer.set_look(Look(clutter=40, seed=1))
+    after = renderer.render_kinds(simulation.data, measured)
+    alone = renderer.segment(simulation.data, HEAD)
+    renderer.set_look(Look())
+    geoms, depth = after[SEGMENTATION][HEAD], after[DEPTH][HEAD]
+    furniture = geoms == FURNITURE
+    assert 0.01 < furniture.mean() < 0.5
+    assert (depth[furniture] < before[DEPTH][HEAD][furniture]).all()
+    assert np.array_equal(depth[~furniture], before[DEPTH][HEAD][~furniture])
+    assert np.array_equal(alone, before[SEGMENTATION][HEAD])
+
+
+def test_sizes_of_one_request_are_those_of_each_alone(simulation: Simulation) -> None:
+    sizes = {"head": (96, 128), "left_wrist": (41, 30), "right_wrist": (60, 128)}
+    with Renderer(simulation.model, height=96, width=128) as renderer:
+        together = renderer.render_kinds(simulation.data, dict.fromkeys(KINDS, sizes))
+        both = renderer.render_kinds(simulation.data, {RGB: sizes, DEPTH: {HEAD: (20, 20)}})
+        with pytest.raises(RenderingError, match="at most 128x96, got 128x97"):
+            renderer.render_kinds(simulation.data, {RGB: {HEAD: (97, 128)}})
+        with pytest.raises(UnknownNameError, match="'hed'"):
+            renderer.render_kinds(simulation.data, {DEPTH: {"hed": (9, 9)}})
+    assert both[DEPTH][HEAD].shape == (20, 20)
+    assert equal(both[RGB], together[RGB])
+    for name, (height, width) in sizes.items():
+        with Renderer(simulation.model, height=height, width=width) as renderer:
+            wanted = {kind: {name: (height, width)} for kind in KINDS}
+            alone = renderer.render_kinds(simulation.data, wanted)
+        for kind in KINDS:
+            assert np.array_equal(alone[kind][name], together[kind][name]), (name, kind)
+
+
+@pytest.mark.parametrize("task", catalog.names())
+def test_every_part_has_a_number_of_its_own(task: str) -> None:
+    definition = catalog.get(task)
+    model = Simulation(definition.props).model
+    ids = segmentation_ids(definition.props)
+    assert list(ids.values()) == list(range(1, len(ids) + 1))
+    assert list(ids)[:3] == ["table", "room", "left_arm"]
+    labels = labels_of(model, ids)
+    visible = model.geom_group < COLLISION_GEOM_GROUP
+    assert set(labels[: model.ngeom][visible]) == set(ids.values())
+    assert labels[[FURNITURE, -1]].tolist() == [ids["room"], 0]
+    for name, number in ids.items():
+        bodies = {model.body(int(b)).name for b in model.geom_bodyid[labels[:-2] == number]}
+        ours = {
+            "table": {"table", "world"},
+            "room": {"floor", "world"},
+            "mount": {"world"},
+            "camera": {"world", "left/link7", "right/link7"},
+        }
+        if name.endswith(("_arm", "_gripper")):
+            prefix = name.replace("_gripper", "/gripper").replace("_arm", "/link")
+            assert all(body.startswith(prefix) for body in bodies), name
+        else:
+            assert bodies == ours.get(name, {name})
+
+
+def test_parts_of_the_workcell_are_where_they_are_seen() -> None:
+    """Of what is on the world's body, whose shapes have no names."""
+    simulation = Simulation()
+    model, ids = simulation.model, segmentation_ids(())
+    labels = labels_of(model, ids)
+    world = np.flatnonzero(model.geom_bodyid == 0)
+    places = {name: simulation.data.geom_xpos[world[labels[world] == ids[name]]] for name in ids}
+    assert (places["table"][:, 2] < 0.0).all()
+    assert len(places["table"]) == len(("leg",) * 4 + ("rail",) * 4)
+    assert (np.abs(places["mount"][:, 1]) < 0.05).all()
+    assert (places["mount"][:, 2] > 0.0).all()
+    assert np.abs(places["camera"] - HEAD_POSITION).max() < 0.1
+    assert (np.abs(places["room"][:, :2]).max(axis=1) > 0.6).all()

@@ -107,7 +107,7 @@ import numpy as np
 from duobench.envs.sim_env import SimEnv
 from duobench.world.looks import catalog as looks
 from duobench.world.sim.appearance import Appearance
-from duobench.world.sim.offscreen import OffscreenRenderer
+from duobench.world.sim.offscreen import CameraRequest, OffscreenRenderer
 from duobench.world.sim.opengl import choose
 from duobench.world.sim.rendering import Renderer
 from duobench.tasks import catalog
@@ -116,6 +116,9 @@ base = SimEnv(catalog.get("transfer_gate"))
 base.reset()
 model, data = base.simulation.model, base.simulation.data
 cameras = {model.camera(number).name: number for number in range(model.ncam)}
+kinds = "rgb", "depth", "segmentation"
+requests = [CameraRequest(name, number, kinds, (60, 80)) for name, number in cameras.items()]
+wanted = {kind: dict.fromkeys(cameras, (60, 80)) for kind in kinds}
 here = OffscreenRenderer(model, 60, 80, 1, choose())
 there = Renderer(model, height=60, width=80)
 look = looks.as_look("random:3")
@@ -140,9 +143,11 @@ for change in (
     "appear()",
 ):
     exec(change if change != "nothing" else "")
-    expected, seen = here.render(data, cameras), there.render_all(data, cameras)
+    expected, images = here.render(data, requests), there.render_kinds(data, wanted)
     for name in cameras:
-        assert (expected[name] == seen[name]).all(), (change, name)
+        for kind in kinds:
+            assert (expected[name][kind] == images[kind][name]).all(), (change, name, kind)
+    seen = images["rgb"]
     assert (here.segment(data, 0) == there.segment(data, list(cameras)[0])).all(), change
     found.add(b"".join(image.tobytes() for image in seen.values()))
 print(len(found))

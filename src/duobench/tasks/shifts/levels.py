@@ -36,6 +36,13 @@ REWORDED_SHARE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 IMAGE_NOISE = (0.0, 0.02, 0.04, 0.06, 0.09, 0.12)
 """Standard deviation of the noise in images, as a share of full brightness."""
+DEPTH_SUBPIXEL = (0.0, 0.04, 0.08, 0.12, 0.20, 0.30)
+"""Standard deviation of the disparity that a stereo camera matches, in native pixels."""
+DEPTH_FARTHEST = (math.inf, 2.0, 1.5, 1.0, 0.8, 0.7)
+"""Distance in metres from which on the wrists' cameras and those of one's own give no depth; from
+home the table is 0.64 m away."""
+DEPTH_SHINY_SHARE = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
+"""Share of grippers, cameras and mount, which are of metal and glass, without depth."""
 DROPPED_SHARE = (0.0, 0.1, 0.25, 0.5, 0.7, 0.85)
 """Probability that a camera drops a frame and shows the last one that it did not drop."""
 JOINT_NOISE = (0.0, 0.001, 0.002, 0.004, 0.006, 0.010)

@@ -21,12 +21,13 @@ _STARTS = 1 << 18
 
 
 def apply(
-    look: Look, image: Image, time: float, positions: Array, camera: int
+    look: Look, image: Image, time: float, positions: Array, camera: int | str
 ) -> Image:
     """A rendered image (height, width, 3) as the look's camera takes it.
 
-    Noise is a function of the look's seed and noise, the image's size, the camera's number and
-    the simulation state (time in seconds and positions), never of what was rendered before.
+    Noise is a function of the look's seed and noise, the image's size, the camera's number, or the
+    name of one of one's own, and the simulation state (time in seconds and positions), never of
+    what was rendered before.
     """
     if look.blur:
         image = _blurred(image, look.blur * image.shape[0])
@@ -92,7 +93,7 @@ def _start(
     seed: int,
     time: float,
     positions: Array,
-    camera: int,
+    camera: int | str,
 ) -> int:
     state = hashlib.blake2b(positions.tobytes(), digest_size=8)
     state.update(f"{seed} {time!r} {camera}".encode())

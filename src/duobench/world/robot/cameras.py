@@ -4,21 +4,24 @@ The scene builds them by these descriptions, policies and data are offered them 
 images are made like theirs. Another camera is another row of `CAMERAS`, and its housing in
 `scene.cameras`.
 
-A camera is given by its intrinsics, so an image of any size shows the whole native field of view:
-it equals the native 1280x720 image resized to that size.
+A camera of the robot is given by its intrinsics, so an image of any size shows the whole native
+field of view: it equals the native 1280x720 image resized to that size. A `Camera` of one's own has
+square pixels and no housing.
 """
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from duobench.core.errors import RenderingError
+from duobench.core.errors import OptionError, RenderingError, check_known
 from duobench.core.spatial import SE3, length
-from duobench.core.types import SIDES, Side
+from duobench.core.types import SIDES, Side, as_several, as_size
 from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.workcell import FLOOR_Z, ROOM_HEIGHT, ROOM_X, ROOM_Y
 
 NATIVE_HEIGHT, NATIVE_WIDTH = 720, 1280
 """Native image size of the cameras in pixels."""
@@ -36,6 +39,8 @@ WRIST_TILT = math.radians(20.0)
 """Tilt of a wrist camera from the flange's z towards the fingertips."""
 OVERVIEW = "overview"
 """A view of the whole scene for people; not part of any observation."""
+FARTHEST = 7.0
+"""Distance along the optical axis in metres beyond which a camera shows nothing."""
 
 
 def check_image_size(height: int, width: int) -> None:
@@ -97,7 +102,7 @@ def wrist_name(side: Side) -> str:
     slots=True,
     eq=False,
 )
-class Camera:
+class RobotCamera:
     """A camera of the robot, without distortion."""
 
     name: str
@@ -113,7 +118,7 @@ class Camera:
     """Height and width of its native images in pixels."""
 
 
-_HEAD = Camera(
+_HEAD = RobotCamera(
     name=HEAD,
     kind=ZED_MINI,
     arm=None,
@@ -126,9 +131,9 @@ _HEAD = Camera(
 )
 
 
-def _wrist(side: Side) -> Camera:
+def _wrist(side: Side) -> RobotCamera:
     """Describe the camera on an arm's wrist, which is the same on both arms."""
-    return Camera(
+    return RobotCamera(
         name=wrist_name(side),
         kind=D405,
         arm=side,
@@ -141,12 +146,159 @@ def _wrist(side: Side) -> Camera:
     )
 
 
-CAMERAS: Mapping[str, Camera] = {
+CAMERAS: Mapping[str, RobotCamera] = {
     camera.name: camera for camera in (_HEAD, *map(_wrist, SIDES))
 }
 """The cameras of the robot by their names."""
 POLICY_CAMERAS = tuple(CAMERAS)
 """The cameras that a policy may see, and sees if nothing else is said."""
+ON_TABLE = "table"
+MOUNTS: Mapping[str, Side | None] = {
+    ON_TABLE: None,
+    **{f"{side}_flange": side for side in SIDES},
+}
+"""Frames that a camera of one's own may stand in, and the arm that each moves with."""
+FOVY_DEG = (1.0, 150.0)
+"""Smallest and largest vertical field of view of a camera of one's own, in degrees."""
+_REACH = 2.0
+"""Largest coordinate of a camera in the frame of a flange, in metres."""
+_LONGEST = 100.0
+"""Largest coordinate of a point that a camera looks at, in metres: beyond it is another unit."""
+_PARALLEL = 1e-6
+"""Sine of the angle to the upright direction below which a camera looks along it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Camera:
+    """A camera of one's own: a pinhole with square pixels, upright, that no other camera sees.
+
+    Plain data, which records and policies carry; nothing of the physics or of other cameras'
+    images depends on it. A look's offsets and the shift *camera* leave it where it is.
+
+    Args:
+        name: Name in observations: a lower-case letter, then letters, digits and underscores.
+        position: Position in metres (x, y, z) in the frame that it is on.
+        look_at: Point in that frame which the middle of the image shows.
+        fovy_deg: Vertical field of view in degrees; the horizontal one follows from the size.
+        on: "table", whose frame stands still, or "left_flange" or "right_flange", whose z points
+            out of the gripper.
+        size: Height and width of its images in pixels, or None for those of the environment.
+
+    Raises:
+        OptionError: A value is invalid.
+        UnknownNameError: There is no such frame.
+
+    Example:
+        >>> Camera(name="side", position=(0.5, 1.2, 0.5), look_at=(0.5, 0.0, 0.0)).on
+        'table'
+    """
+
+    name: str
+    position: tuple[float, float, float]
+    look_at: tuple[float, float, float]
+    fovy_deg: float = 60.0
+    on: str = ON_TABLE
+    size: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        _check_name(self.name)
+        check_known(f"frame of camera {self.name!r}", self.on, MOUNTS)
+        for name in ("position", "look_at"):
+            object.__setattr__(self, name, self._point(name))
+        if self.position == self.look_at:
+            raise OptionError(
+                f"Camera {self.name!r} looks at its own position {self.position}; look_at is "
+                "another point, in the middle of its image."
+            )
+        self._check_place()
+        low, high = FOVY_DEG
+        if not _is_number(self.fovy_deg) or not low <= self.fovy_deg <= high:
+            raise OptionError(
+                f"fovy_deg of camera {self.name!r} is {low:g} to {high:g} degrees, got "
+                f"{self.fovy_deg!r}."
+            )
+        object.__setattr__(self, "fovy_deg", float(self.fovy_deg))
+        if self.size is not None:
+            size = as_size(self.size)
+            if size is None or size[0] > NATIVE_HEIGHT or size[1] > NATIVE_WIDTH:
+                raise OptionError(
+                    f"size of camera {self.name!r} is (height, width) in pixels, at most "
+                    f"{(NATIVE_HEIGHT, NATIVE_WIDTH)}, one number for a square, or None; got "
+                    f"{self.size!r}."
+                )
+            object.__setattr__(self, "size", size)
+
+    @property
+    def arm(self) -> Side | None:
+        """The arm that it moves with, on whose flange it is; None for one that stands still."""
+        return MOUNTS[self.on]
+
+    @property
+    def pose(self) -> SE3:
+        """Pose in the frame that it is on, with MuJoCo's axes.
+
+        Up in the image is the table's z, or the flange's x, as in the images of the wrists; of a
+        camera that looks along it, the table's x, or the flange's z.
+        """
+        eye = np.array(self.position)
+        direction = np.array(self.look_at) - eye
+        up, other = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+        if self.arm is not None:
+            up, other = other, up
+        across = length(np.cross(up, direction))
+        is_along = across <= _PARALLEL * length(direction)
+        return looking(eye, direction, other if is_along else up)
+
+    def _point(self, name: str) -> tuple[float, float, float]:
+        """A point as three floats."""
+        match as_several(getattr(self, name)):
+            case (x, y, z) if all(map(_is_coordinate, (x, y, z))):
+                return float(x), float(y), float(z)
+        raise OptionError(
+            f"{name} of camera {self.name!r} is three finite numbers (x, y, z) in metres, at most "
+            f"{_LONGEST:g} either way; got {getattr(self, name)!r}."
+        )
+
+    def _check_place(self) -> None:
+        """Reject a place outside of the room, or far from the flange that carries it."""
+        room = (ROOM_X, ROOM_Y, (FLOOR_Z, FLOOR_Z + ROOM_HEIGHT))
+        ends = room if self.arm is None else ((-_REACH, _REACH),) * 3
+        if not all(
+            low < at < high for at, (low, high) in zip(self.position, ends, strict=True)
+        ):
+            words = ", ".join(
+                f"{axis} {low:.2f} to {high:.2f}"
+                for axis, (low, high) in zip("xyz", ends, strict=True)
+            )
+            where = "inside the room" if self.arm is None else f"near the {self.on}"
+            raise OptionError(
+                f"Camera {self.name!r} is {where}, at {words} m; got {self.position}."
+            )
+
+
+def _check_name(name: object) -> None:
+    if not isinstance(name, str) or not re.fullmatch("[a-z][a-z0-9_]{0,39}", name):
+        raise OptionError(
+            "The name of a camera is a lower-case letter, then letters, digits and underscores, "
+            f"at most 40, such as 'side'; got {name!r}."
+        )
+    if name in (*CAMERAS, OVERVIEW):
+        raise OptionError(
+            f"The robot has a camera {name!r}; give one of your own another name, such as "
+            f"'my_{name}'."
+        )
+
+
+def _is_number(value: object) -> bool:
+    """Whether this is a finite real number, Python's or NumPy's, and no boolean."""
+    is_real = isinstance(value, int | float | np.integer | np.floating)
+    return is_real and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_coordinate(value: object) -> bool:
+    return _is_number(value) and abs(value) <= _LONGEST  # type: ignore[arg-type] - a number
+
+
 MUJOCO_FROM_OPENCV = SE3(np.diag([1.0, -1.0, -1.0]))
 """A camera with OpenCV's axes (x right, y down, z forwards) in one with MuJoCo's."""
 
@@ -177,7 +329,7 @@ def describe_cameras() -> dict[str, dict[str, Any]]:
     return {name: _describe(camera) for name, camera in CAMERAS.items()}
 
 
-def _describe(camera: Camera) -> dict[str, Any]:
+def _describe(camera: RobotCamera) -> dict[str, Any]:
     height, width = camera.size
     middle = (width - 1) / 2, (height - 1) / 2
     frame, pose = "table", camera.pose

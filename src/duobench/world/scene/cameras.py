@@ -4,16 +4,21 @@ import mujoco
 
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
-from duobench.world.robot.cameras import CAMERAS, D405, OVERVIEW, ZED_MINI, Camera, View
+from duobench.world.robot.cameras import (
+    CAMERAS,
+    D405,
+    OVERVIEW,
+    ZED_MINI,
+    RobotCamera,
+    View,
+)
+from duobench.world.robot.stereo import D405_BASELINE, ZED_BASELINE
 from duobench.world.scene.surfaces import (
     DISTAL,
     CollisionGroup,
     add_box,
     collide_as_metal,
 )
-
-ZED_BASELINE, D405_BASELINE = 0.063, 0.018
-"""Distance between the two lenses of a camera in metres [data sheets]."""
 
 _PIXEL = 1e-5
 """Side of one pixel on the sensor in metres; only ratios matter."""
@@ -50,7 +55,7 @@ def add_cameras(
 
 
 def _zed_mini(
-    body: mujoco.MjsBody, camera: Camera, mount: SE3
+    body: mujoco.MjsBody, camera: RobotCamera, mount: SE3
 ) -> tuple[mujoco.MjsGeom, ...]:
     """Add the housing (124 x 30 x 26 mm) of a ZED Mini and its lenses; return what collides."""
     pose = mount @ camera.pose
@@ -66,7 +71,7 @@ def _zed_mini(
 
 
 def _d405(
-    body: mujoco.MjsBody, camera: Camera, mount: SE3
+    body: mujoco.MjsBody, camera: RobotCamera, mount: SE3
 ) -> tuple[mujoco.MjsGeom, ...]:
     """Add a RealSense D405 (42 x 42 x 23 mm) and its bracket; return what collides."""
     pose = mount @ camera.pose

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.core.spatial import SE3
+from duobench.world.objects.segmentation import MOUNT, ROOM, TABLE as TABLE_PART
 from duobench.world.objects.shapes import Colour, hull
 from duobench.world.objects.solid import manifold_of, mesh_of
 from duobench.world.robot.cameras import HEAD_POSITION
@@ -60,10 +61,23 @@ _BASE_OUTLINE = (
 
 def add_workcell(spec: mujoco.MjSpec) -> None:
     """Add everything that stands still around the robot."""
-    _add_room(spec)
-    _add_table(spec)
-    _add_mount(spec)
+    for add in _BUILDERS.values():
+        add(spec)
     _add_lights(spec)
+
+
+def world_parts() -> list[str]:
+    """Part of the workcell that each geom of the world's body is of, in their order.
+
+    Those of the cameras come after them. Names of geoms would be part of the model, which stays
+    what it is to the bit.
+    """
+    spec = mujoco.MjSpec()
+    parts: list[str] = []
+    for part, add in _BUILDERS.items():
+        add(spec)
+        parts += [part] * (len(spec.worldbody.geoms) - len(parts))
+    return parts
 
 
 def _add_room(spec: mujoco.MjSpec) -> None:
@@ -238,6 +252,10 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
     for name, part in parts.items():
         part.name = f"mount/{name}"
         collide_as_metal(part, CollisionGroup.FIXTURE)
+
+
+_BUILDERS = {ROOM: _add_room, TABLE_PART: _add_table, MOUNT: _add_mount}
+"""Builders of the parts, by their names in a segmentation."""
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:

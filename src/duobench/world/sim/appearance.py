@@ -246,14 +246,11 @@ class Appearance:
             for lens in scene.camera:
                 _move(lens, offset)
 
-    def apply(
-        self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int
-    ) -> None:
+    def apply(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...]) -> None:
         """Change a scene that the engine has just made, all but its shapes and where they are.
 
-        Its geoms have room for the furniture, and the camera is the one that looks at it.
+        Its geoms have room for the furniture.
         """
-        self.aim(scene, camera)
         if self.look.lights is not None:
             _light(scene, self.look.lights)
         if self.look.ambient is not None:

@@ -2,13 +2,30 @@
 
 import time
 from collections.abc import Sequence
+from typing import Any
 
-from duobench.core.backend import DuoLimits, Image
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.core.backend import (
+    RGB,
+    SEGMENTATION,
+    AnyCamera,
+    CameraGeometry,
+    DuoLimits,
+    Image,
+    Sizes,
+    Wanted,
+)
+from duobench.core.spatial import SE3, rotation_by
 from duobench.core.types import Array, DuoCommand, DuoState
 from duobench.world.looks.look import Look
+from duobench.world.objects.segmentation import segmentation_ids
+from duobench.world.robot.camera_geometry import geometries
 from duobench.world.robot.joints import RANGE_MARGIN, SERVO_LAG, duo_limits
 from duobench.world.sim.appearance import Appearance
 from duobench.world.sim.rendering import Renderer
+from duobench.world.sim.segmentation import labels_of
 from duobench.world.sim.simulation import Simulation
 
 
@@ -27,6 +44,7 @@ class SimBackend:
         self._slower = None if speed_fraction == 1.0 else slower
         self._held: str | None = None
         self._look = Look()
+        self._labels: NDArray[np.int32] | None = None
         self._renderers: dict[tuple[int, int], Renderer] = {}
         self.rendering_s = 0.0
         """Seconds that rendering has taken so far."""
@@ -110,10 +128,18 @@ class SimBackend:
         self._look = look
 
     def images(
-        self, cameras: Sequence[str], shape: tuple[int, int]
+        self, cameras: Sequence[str | AnyCamera], shape: tuple[int, int]
     ) -> dict[str, Image]:
         """Render the current state; see `DuoBackend.images`."""
+        return self.images_by_kind({RGB: dict.fromkeys(cameras, shape)}).get(RGB, {})
+
+    def images_by_kind(self, wanted: Wanted) -> dict[str, dict[str, Any]]:
+        """Render the current state; see `DuoBackend.images_by_kind`."""
         start = time.perf_counter()
+        sizes = [size for each in wanted.values() for size in each.values()]
+        if not sizes:
+            return {}
+        shape = max(h for h, _ in sizes), max(w for _, w in sizes)
         if shape not in self._renderers:
             height, width = shape
             self._renderers[shape] = Renderer(
@@ -121,9 +147,28 @@ class SimBackend:
             )
         renderer = self._renderers[shape]
         renderer.set_look(self._look)
-        images = renderer.render_all(self.simulation.data, cameras)
+        images = renderer.render_kinds(self.simulation.data, wanted)
+        if SEGMENTATION in images:
+            if self._labels is None:
+                ids = segmentation_ids(self.simulation.props.values())
+                self._labels = labels_of(self.simulation.model, ids)
+            geoms = images[SEGMENTATION]
+            images[SEGMENTATION] = {
+                name: self._labels[each] for name, each in geoms.items()
+            }
         self.rendering_s += time.perf_counter() - start
         return images
+
+    def camera_geometry(self, sizes: Sizes) -> dict[str, CameraGeometry]:
+        """Lens and present place of some cameras, where the look has them; by name."""
+        offsets = {
+            name: (
+                SE3(rotation_by(offset.rotation), np.array(offset.position)),
+                offset.field_of_view,
+            )
+            for name, offset in self._look.cameras.items()
+        }
+        return geometries(sizes, self.read().tcp_poses, offsets)
 
     def close(self) -> None:
         """Free the renderers."""

@@ -5,15 +5,17 @@ import math
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.backend import Image
+from duobench.core.backend import DEPTH, RGB, SEGMENTATION, Image
 from duobench.core.errors import RenderingError
+from duobench.core.spatial import SE3
 from duobench.world.looks import effects
 from duobench.world.looks.look import MAX_CLUTTER
 from duobench.world.scene.surfaces import SHADOWLESS_GEOM_GROUP
@@ -38,6 +40,11 @@ _EFFECTS = [
     mujoco.mjtRndFlag.mjRND_HAZE.value,
     mujoco.mjtRndFlag.mjRND_FOG.value,
 ]
+_SHADOW = mujoco.mjtRndFlag.mjRND_SHADOW.value
+FREE = -1
+"""Number of a camera that is none of the model's."""
+NOTHING, FURNITURE = -1, -2
+"""In place of the number of a geom, of pixels that show none."""
 _PROBE_MODEL = (
     '<mujoco><worldbody><camera pos="0 0 1"/><light pos="0 0 1"/><geom size="0.3"/></worldbody>'
     "</mujoco>"
@@ -46,6 +53,31 @@ _SEGMENTATION = [
     mujoco.mjtRndFlag.mjRND_SEGMENT.value,
     mujoco.mjtRndFlag.mjRND_IDCOLOR.value,
 ]
+
+
+class CameraRequest(NamedTuple):
+    """Images that are wanted of a camera, of the state that a call is about.
+
+    Plain data, which goes to another process; every renderer answers the same requests.
+    """
+
+    name: str
+    """Name of the camera."""
+    number: int
+    """Its number in the model, or `FREE`."""
+    kinds: tuple[str, ...]
+    """Some of `duobench.core.backend.KINDS`."""
+    size: tuple[int, int]
+    """Height and width in pixels, at most those of the renderer."""
+    pose: SE3 | None = None
+    """Pose in the world, with MuJoCo's axes, of a camera that is not in the model."""
+    fovy: float = 0.0
+    """Its vertical field of view in radians; its pixels are square."""
+
+
+Images = dict[str, dict[str, Any]]
+"""By name of the camera and kind: colours; metres along the optical axis, 0 beyond the far plane;
+numbers of geoms, or `NOTHING` or `FURNITURE`."""
 
 
 def answer(backend: str, seconds: float) -> None:
@@ -60,9 +92,10 @@ def answer(backend: str, seconds: float) -> None:
             in_words(error.__cause__ or error)
         )  # the parent gives the advice, once
     deadline = time.monotonic() + seconds
-    image = renderer.render(data, {"": 0})[""]
+    requests = [CameraRequest("", 0, (RGB,), (64, 64))]
+    image = renderer.render(data, requests)[""][RGB]
     while time.monotonic() < deadline:
-        image = renderer.render(data, {"": 0})[""]
+        image = renderer.render(data, requests)[""][RGB]
     if not image.any():
         sys.stderr.write("the image stayed black\n")
         os._exit(1)
@@ -112,10 +145,11 @@ class OffscreenRenderer:
         self._objects = np.flatnonzero(
             ~shadowless & (model.geom_group < VISIBLE_GROUPS)
         )
+        # The far plane is 0 there, so that floats are dense where the scene is.
+        self._mujoco_context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
         self._view = mujoco.MjvCamera()
-        self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
-        self._rectangle = mujoco.MjrRect(0, 0, width, height)
-        self._pixels = np.empty((height, width, 3), dtype=np.uint8)
+        self._size = height, width
+        self._set_size(self._size)
         self._offsets = _offsets(samples)
         self._appearance: Appearance | None = None
 
@@ -130,37 +164,76 @@ class OffscreenRenderer:
                 upload(self._model, self._mujoco_context, appearance.textures)
             self._appearance = appearance
 
-    def render(
-        self, data: mujoco.MjData, cameras: Mapping[str, int]
-    ) -> dict[str, Image]:
-        """One image of each camera; their numbers by name."""
-        images = {}
-        for name, camera in cameras.items():
-            if len(self._offsets) > 1:
-                image = self._average(data, camera)
-            else:
-                (self._turn_to if images else self._update)(data, camera)
-                self._render(new_shadows=not images)
-                image = self._pixels[::-1].copy()
-            if self._appearance is not None:
-                look = self._appearance.look
-                image = effects.apply(look, image, data.time, data.qpos, camera)
-            images[name] = image
+    def render(self, data: mujoco.MjData, requests: Sequence[CameraRequest]) -> Images:
+        """Images of one state; shadows are rendered once, and the scene is made once."""
+        images: Images = {}
+        needs_scene = needs_shadows = True
+        for request in requests:
+            self._set_size(request.size)
+            found = images.setdefault(request.name, {})
+            if RGB in request.kinds:
+                if len(self._offsets) > 1:
+                    image = self._average(data, request)
+                    needs_scene = True
+                else:
+                    (self._update if needs_scene else self._turn_to)(data, request)
+                    self._render(new_shadows=needs_shadows)
+                    image = self._pixels[::-1].copy()
+                    needs_scene = needs_shadows = False
+                found[RGB] = self._with_effects(image, data, request)
+            if DEPTH in request.kinds or SEGMENTATION in request.kinds:
+                (self._update if needs_scene else self._turn_to)(data, request)
+                needs_scene = False
+                found |= self._measured(request.kinds)
         return images
 
     def segment(self, data: mujoco.MjData, camera: int) -> NDArray[np.int32]:
-        """Geom ids by pixel."""
-        self._update(data, camera)
+        """Numbers of geoms by pixel; furniture is not in the way."""
+        request = CameraRequest("", camera, (SEGMENTATION,), self._size)
+        self._set_size(self._size)
+        self._update(data, request)
+        return self._measured(request.kinds, furniture=False)[SEGMENTATION]
+
+    def _with_effects(
+        self, image: Image, data: mujoco.MjData, request: CameraRequest
+    ) -> Image:
+        """An image with what a look does to it after it was rendered."""
+        if self._appearance is None:
+            return image
+        camera = request.name if request.number == FREE else request.number
+        look = self._appearance.look
+        return effects.apply(look, image, data.time, data.qpos, camera)
+
+    def _measured(
+        self, kinds: Sequence[str], *, furniture: bool = True
+    ) -> dict[str, Any]:
+        """Depth and numbers of geoms of the scene: one image without light, colours or effects."""
+        geoms = self._geoms[: self._scene.ngeom]
+        ids = np.full(len(geoms) + 1, NOTHING, dtype=np.int32)
+        for place, geom in enumerate(geoms):
+            is_furniture = geom.objid < 0
+            geom.segid = NOTHING if is_furniture and not furniture else place
+            ids[place + 1] = FURNITURE if is_furniture else geom.objid
+        depth = np.empty(self._pixels.shape[:2], dtype=np.float32)
+        shadow = self._scene.flags[_SHADOW]
         self._scene.flags[_SEGMENTATION] = 1
+        self._scene.flags[_SHADOW] = 0
         try:
-            self._render()
+            mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
+            mujoco.mjr_readPixels(
+                self._pixels, depth, self._rectangle, self._mujoco_context
+            )
         finally:
             self._scene.flags[_SEGMENTATION] = 0
-        numbers = self._pixels[::-1].astype(np.int32) @ (1, 1 << 8, 1 << 16)
-        ids = np.full(self._scene.ngeom + 1, -1, dtype=np.int32)
-        for geom in self._geoms[: self._scene.ngeom]:
-            ids[geom.segid + 1] = geom.objid
-        return ids[numbers]
+            self._scene.flags[_SHADOW] = shadow
+        found: dict[str, Any] = {}
+        if DEPTH in kinds:
+            found[DEPTH] = _metres(depth[::-1], self._scene.camera[0])
+        if SEGMENTATION in kinds:
+            found[SEGMENTATION] = ids[
+                self._pixels[::-1].astype(np.int32) @ (1, 1 << 8, 1 << 16)
+            ]
+        return found
 
     def free(self) -> None:
         """Give back everything that was made with OpenGL."""
@@ -168,12 +241,18 @@ class OffscreenRenderer:
         self._mujoco_context.free()
         self._context.free()
 
-    def _average(self, data: mujoco.MjData, camera: int) -> Image:
+    def _set_size(self, size: tuple[int, int]) -> None:
+        """Render images of a height and width from now on, in a corner of the buffer."""
+        height, width = size
+        self._rectangle = mujoco.MjrRect(0, 0, width, height)
+        self._pixels = np.empty((height, width, 3), dtype=np.uint8)
+
+    def _average(self, data: mujoco.MjData, request: CameraRequest) -> Image:
         """The mean of images with the camera moved within a pixel and the light within itself."""
         radius = LIGHT_RADIUS * math.sqrt(len(self._offsets))
         total = np.zeros(self._pixels.shape, dtype=np.uint32)
         for pixel_x, pixel_y, light_u, light_v in self._offsets:
-            self._update(data, camera)
+            self._update(data, request)
             for lens in self._scene.camera:
                 _shift_lens(lens, self._pixels.shape, pixel_x, pixel_y)
             for light in self._scene.lights:
@@ -184,8 +263,8 @@ class OffscreenRenderer:
         half = len(self._offsets) // 2
         return ((total[::-1] + half) // len(self._offsets)).astype(np.uint8)
 
-    def _update(self, data: mujoco.MjData, camera: int) -> None:
-        self._view.fixedcamid = camera
+    def _update(self, data: mujoco.MjData, request: CameraRequest) -> None:
+        self._look_from(request)
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, self._view, _EVERYTHING, self._scene
         )
@@ -198,14 +277,28 @@ class OffscreenRenderer:
             if geom.objid in self._shadowless:
                 geom.category = _DECOR  # which casts no shadow
         if self._appearance is not None:
-            self._appearance.apply(self._scene, self._geoms, camera)
+            self._appearance.apply(self._scene, self._geoms)
+        self._aim(request)
 
-    def _turn_to(self, data: mujoco.MjData, camera: int) -> None:
+    def _turn_to(self, data: mujoco.MjData, request: CameraRequest) -> None:
         """Look from another camera at the state that the scene was made of."""
-        self._view.fixedcamid = camera
+        self._look_from(request)
         mujoco.mjv_updateCamera(self._model, data, self._view, self._scene)
-        if self._appearance is not None:
-            self._appearance.aim(self._scene, camera)
+        self._aim(request)
+
+    def _look_from(self, request: CameraRequest) -> None:
+        kinds = mujoco.mjtCamera
+        is_free = request.number == FREE
+        kind = kinds.mjCAMERA_FREE if is_free else kinds.mjCAMERA_FIXED
+        self._view.type, self._view.fixedcamid = kind.value, request.number
+
+    def _aim(self, request: CameraRequest) -> None:
+        """Put lenses where the engine has none, or where the look has them."""
+        if request.pose is not None:
+            for lens in self._scene.camera:
+                _place(lens, request.pose, request.fovy)
+        elif self._appearance is not None:
+            self._appearance.aim(self._scene, request.number)
 
     def _render(self, *, new_shadows: bool = True) -> None:
         """Render the scene into the pixels, with shadows of its own or those of the last one."""
@@ -232,6 +325,28 @@ def _offsets(samples: int) -> NDArray[np.float64]:
     root = 1.1673039782614187
     steps = root ** -np.arange(1.0, 5.0)
     return (0.5 + np.arange(samples)[:, None] * steps) % 1.0 - 0.5
+
+
+def _place(lens: mujoco.MjvGLCamera, pose: SE3, fovy: float) -> None:
+    """Put a lens where no camera of the model is; its near and far planes stay."""
+    lens.pos[:] = pose.translation
+    lens.forward[:], lens.up[:] = -pose.rotation[:, 2], pose.rotation[:, 1]
+    top = lens.frustum_near * math.tan(fovy / 2)
+    lens.frustum_top, lens.frustum_bottom = top, -top
+    lens.frustum_center = lens.frustum_width = 0.0
+
+
+def _metres(
+    depth: NDArray[np.float32], lens: mujoco.MjvGLCamera
+) -> NDArray[np.float32]:
+    """Distances along the optical axis of a depth buffer that is 0 at the far plane, 1 at the near.
+
+    The buffer holds `near / z` up to a shift and scale, so its floats are as dense as those of z.
+    Where nothing is, 0 is given as well.
+    """
+    near, far = float(lens.frustum_near), float(lens.frustum_far)
+    distances = near * far / (depth.astype(np.float64) * (far - near) + near)
+    return np.where(depth > 0.0, distances, 0.0).astype(np.float32)
 
 
 def _shift_lens(

@@ -5,6 +5,7 @@ the whole field of view of its camera at every size, so a square image is the na
 squeezed to a square.
 """
 
+import math
 import weakref
 from collections.abc import Iterable
 from typing import Any, Self
@@ -13,11 +14,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.backend import Image
+from duobench.core.backend import KINDS, RGB, Image, Wanted
 from duobench.core.errors import RenderingError, check_known
+from duobench.core.spatial import SE3
 from duobench.world.looks.look import Look
-from duobench.world.robot.cameras import check_image_size
+from duobench.world.robot.cameras import Camera, check_image_size
+from duobench.world.scene.naming import flange_name
 from duobench.world.sim.appearance import Appearance
+from duobench.world.sim.offscreen import FREE, CameraRequest
 from duobench.world.sim.opengl import RenderingInfo, choose
 from duobench.world.sim.rendering_process import Pictured, RenderingProcess, current
 
@@ -79,20 +83,49 @@ class Renderer:
             self._appearance = None if look == Look() else Appearance(self._model, look)
             self._look = look
 
-    def render(self, data: mujoco.MjData, camera: str) -> Image:
+    def render(self, data: mujoco.MjData, camera: str | Camera) -> Image:
         """Render one image, a new array (height, width, 3), from one camera; see `render_all`."""
-        return self.render_all(data, (camera,))[camera]
+        (image,) = self.render_all(data, (camera,)).values()
+        return image
 
     def render_all(
-        self, data: mujoco.MjData, cameras: Iterable[str]
+        self, data: mujoco.MjData, cameras: Iterable[str | Camera]
     ) -> dict[str, Image]:
-        """Render one image of the same state from each of several cameras of the model.
+        """Render one image of the same state from each of several cameras.
 
-        Faster than one call for each: the shadows are computed once. The images of the state, whose
-        kinematics are up to date, are new arrays (height, width, 3), red green blue, top row first.
+        They are the model's, by name, or cameras of one's own. Faster than one call for each: the
+        shadows are computed once. The images of the state, whose kinematics are up to date, are new
+        arrays (height, width, 3), red green blue, top row first.
         """
-        numbers = {name: self._number(name) for name in cameras}
-        return self._ask("render", data, numbers)
+        size = self._shape[:2]
+        images = self.render_kinds(data, {RGB: dict.fromkeys(cameras, size)})
+        return images.get(RGB, {})
+
+    def render_kinds(
+        self, data: mujoco.MjData, wanted: Wanted
+    ) -> dict[str, dict[str, Any]]:
+        """Render images of several kinds and sizes of one state, by kind and name of the camera.
+
+        Sizes are at most that of the renderer. Depth is float32 (height, width), metres along the
+        optical axis, 0 where nothing is or what is there lies beyond the far plane; a segmentation
+        int32, numbers of geoms, or `FURNITURE` or `NOTHING`. Samples and what a look does to images
+        leave both alone: each pixel is what its middle shows.
+        """
+        asked: dict[tuple[Any, tuple[int, int]], list[str]] = {}
+        for kind in KINDS:
+            for camera, size in wanted.get(kind, {}).items():
+                asked.setdefault((camera, size), []).append(kind)
+        requests = [
+            self._request(data, camera, size, tuple(kinds))
+            for (camera, size), kinds in asked.items()
+        ]
+        found: dict[str, dict[str, Any]] = {
+            kind: {} for kind in KINDS if wanted.get(kind)
+        }
+        for name, images in self._ask("render", data, requests).items():
+            for kind, image in images.items():
+                found[kind][name] = image
+        return found
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
         """Ids of the geoms (height, width) that the pixels show, -1 where there is nothing.
@@ -119,6 +152,29 @@ class Renderer:
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+    def _request(
+        self,
+        data: mujoco.MjData,
+        camera: str | Camera,
+        size: tuple[int, int],
+        kinds: tuple[str, ...],
+    ) -> CameraRequest:
+        """Images of a camera, with the place of one that is not in the model."""
+        check_image_size(*size)
+        if size[0] > self._shape[0] or size[1] > self._shape[1]:
+            raise RenderingError(
+                f"This renderer has images of at most {self._shape[1]}x{self._shape[0]}, got "
+                f"{size[1]}x{size[0]}; make a larger one."
+            )
+        if not isinstance(camera, Camera):
+            return CameraRequest(camera, self._number(camera), kinds, size)
+        mount = SE3()
+        if camera.arm is not None:
+            site = data.site(flange_name(camera.arm))
+            mount = SE3(site.xmat.reshape(3, 3), site.xpos)
+        pose, fovy = mount @ camera.pose, math.radians(camera.fovy_deg)
+        return CameraRequest(camera.name, FREE, kinds, size, pose, fovy)
 
     def _number(self, camera: str) -> int:
         check_known("camera", camera, self._cameras)

@@ -30,7 +30,7 @@ from duobench.core.errors import RenderingError
 from duobench.core.machine import watch_parent
 from duobench.core.types import Array
 from duobench.world.sim.appearance import Appearance
-from duobench.world.sim.offscreen import OffscreenRenderer
+from duobench.world.sim.offscreen import CameraRequest, OffscreenRenderer
 from duobench.world.sim.opengl import (
     ASKED,
     RenderingInfo,
@@ -374,12 +374,12 @@ class _Served:
         self._scenes[number][2].put_model(content, values)
 
     def render(
-        self, number: int, time: float, content: bytes, cameras: dict[str, int]
+        self, number: int, time: float, content: bytes, requests: list[CameraRequest]
     ) -> Any:
         """Images of a state; see `OffscreenRenderer`."""
         _, data, pictured = self._scenes[number]
         pictured.put_data(data, time, content)
-        return self._renderer(number).render(data, cameras)
+        return self._renderer(number).render(data, requests)
 
     def segment(
         self,
