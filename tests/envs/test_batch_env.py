@@ -83,6 +83,11 @@ def test_golden_episodes_are_the_same(
 
 SIDE = Camera(name="side", position=(0.5, 1.2, 0.6), look_at=(0.5, 0.0, 0.0))
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    "poses": {"action_mode": "cartesian", "binary_gripper": True, "reward": "dense"},
+    "shifts of poses": {"action_mode": "cartesian_relative", "speed_fraction": 0.5},
+    "chunks": {"chunk": 3, "horizon": 7, "reward": "dense"},
+    "chunks of poses": {"action_mode": "cartesian", "chunk": 9, "binary_gripper": True},
+    "chunks of shifts": {"action_mode": "cartesian_relative", "chunk": 2},
     "displacements": {"action_mode": "joint_relative", "speed_fraction": 0.3, "reward": "progress"},
     "grippers": {"binary_gripper": True, "object_state": True, "split": "train"},
     "images": {"cameras": ("head", "left_wrist"), "image_size": (24, 32), "look": "dark"},
@@ -403,16 +408,11 @@ def test_rendering_shows_each_episode(several: Callable[..., BatchEnv]) -> None:
     [
         ({"threads": 0}, "threads is a whole number from 1 on"),
         ({"threads": 2, "layouts": 0}, "layouts is a whole number from 1 on"),
-        ({"layouts": 3}, "belongs to threads"),
+        ({"layouts": 3, "vectorization_mode": "sync"}, "belongs to threads"),
+        ({"layouts": 3, "shift": "sensing-1"}, "belongs to threads"),
         ({"threads": 1, "vectorization_mode": "async"}, "leave vectorization_mode"),
         ({"threads": 1, "vector_kwargs": {"context": "fork"}}, "leave vectorization_mode"),
-        (
-            {"threads": 1, "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}},
-            "NEXT_STEP or DISABLED",
-        ),
         ({"threads": 1, "vector_kwargs": {"autoreset_mode": "disabled"}}, "an AutoresetMode"),
-        ({"threads": 1, "action_mode": "cartesian"}, "leave threads and engine out"),
-        ({"threads": 1, "chunk": 3}, "leave threads and engine out"),
         ({"threads": 1, "shift": "physics-1"}, "leave threads and engine out"),
         ({"threads": 1, "shift": "sensing-1"}, "leave threads and engine out"),
         ({"engine": "wrap"}, "one of mujoco, warp, .* got 'wrap'"),
