@@ -119,7 +119,7 @@ def test_a_saved_state_brings_the_physics_of_its_episode(make: Make) -> None:
 
 
 def test_a_state_that_is_restored_twice_is_sensed_the_same(make: Make) -> None:
-    env = make(TASK, shift="sensing-5", cameras="head", image_size=32)
+    env = make(TASK, shift="sensing-5", cameras="head", depth="left_wrist", image_size=32)
     env.reset(seed=SEED)
     action = env.get_wrapper_attr("hold_action")()
     action[1] += 0.05
@@ -144,6 +144,22 @@ def test_the_compiled_model_comes_back_to_the_bit(make: Make) -> None:
     assert simulation.model.body_mass.tobytes() != before[0]["body_mass"]
     simulation.scaler.apply()
     assert compiled() == before
+
+
+def test_light_and_colours_leave_depth_and_parts_alone_and_moved_cameras_do_not(make: Make) -> None:
+    found = {}
+    for shift in ("none", "look-3", "camera-3", "sensing-3"):
+        env = make(TASK, cameras=True, depth=True, segmentation=True, image_size=32, shift=shift)
+        found[shift] = env.reset(seed=SEED)[0], env.cameras
+    usual, places = found["none"]
+    for shift, same in (("look-3", True), ("camera-3", False), ("sensing-3", None)):
+        seen, moved = found[shift]
+        assert not equal(seen["pixels"], usual["pixels"])
+        assert equal(seen["segmentation"], usual["segmentation"]) == (same is not False)
+        assert equal(seen["depth"], usual["depth"]) == (same is True)
+        for name, place in places.items():
+            stays = equal(moved[name].table_from_camera, place.table_from_camera)
+            assert stays == equal(moved[name].matrix, place.matrix) == (same is not False)
 
 
 def frames(env: Any, shown: set[int]) -> dict[int, Any]:

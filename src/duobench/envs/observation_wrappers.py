@@ -20,7 +20,7 @@ from duobench.core.backend import (
 )
 from duobench.core.errors import OptionError
 from duobench.core.randomness import EVAL
-from duobench.core.types import SIDES, Array, as_several
+from duobench.core.types import Array, as_several
 from duobench.envs.config import IMAGE_SIZE, name_of, wanted_images
 from duobench.envs.duo_env import (
     DuoWrapper,
@@ -37,7 +37,7 @@ from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import level_for
 from duobench.tasks.shifts.samples import EpisodeKey
 from duobench.tasks.shifts.shift import SENSING, Shift
-from duobench.world.objects.segmentation import CAMERA, MOUNT, gripper_part
+from duobench.world.objects.segmentation import CAMERA, GRIPPERS, MOUNT
 from duobench.world.robot.camera_geometry import named
 from duobench.world.robot.cameras import (
     FARTHEST,
@@ -391,7 +391,7 @@ class Sensing(DuoWrapper):
     def _shiny(self) -> list[int]:
         """Numbers of the parts that are of bare metal and glass; objects are printed, so matt."""
         ids = self.segmentation_ids
-        return [ids[part] for part in (*map(gripper_part, SIDES), CAMERA, MOUNT)]
+        return [ids[part] for part in (*GRIPPERS.values(), CAMERA, MOUNT)]
 
     def _backend_at(self, age: int) -> DuoBackend:
         """Arms as they were some control steps ago."""

@@ -94,7 +94,8 @@ class RealEnv(DuoEnv):
         if self.prepare is not None:
             self.prepare(options)
         if self.config is not None:
-            self.rig.see(self.config.cameras)
+            seen = self.config.wanted.values()
+            self.rig.see({str(name) for sizes in seen for name in sizes})
         if self.rig.guard is not None:
             self.rig.guard.set_scene(task.props, self.layout)
         self.rig.home()

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from duobench.core.errors import TaskError
-from duobench.core.types import SIDES, Side
+from duobench.core.types import SIDES
 from duobench.world.objects.prop import Prop
 
 NOTHING = 0
@@ -13,21 +13,13 @@ TABLE, ROOM, MOUNT, CAMERA = "table", "room", "mount", "camera"
 housings of all cameras."""
 
 
-def arm_part(side: Side) -> str:
-    """Name of an arm's links."""
-    return f"{side}_arm"
-
-
-def gripper_part(side: Side) -> str:
-    """Name of a gripper."""
-    return f"{side}_gripper"
-
-
+ARMS = {side: f"{side}_arm" for side in SIDES}
+GRIPPERS = {side: f"{side}_gripper" for side in SIDES}
 WORKCELL = (
     TABLE,
     ROOM,
-    *map(arm_part, SIDES),
-    *map(gripper_part, SIDES),
+    *ARMS.values(),
+    *GRIPPERS.values(),
     CAMERA,
     MOUNT,
 )

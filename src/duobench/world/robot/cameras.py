@@ -212,7 +212,7 @@ class Camera:
             )
         self._check_place()
         low, high = FOVY_DEG
-        if not _is_number(self.fovy_deg) or not low <= self.fovy_deg <= high:
+        if not _is_within(self.fovy_deg, low, high):
             raise OptionError(
                 f"fovy_deg of camera {self.name!r} is {low:g} to {high:g} degrees, got "
                 f"{self.fovy_deg!r}."
@@ -252,7 +252,9 @@ class Camera:
     def _point(self, name: str) -> tuple[float, float, float]:
         """A point as three floats."""
         match as_several(getattr(self, name)):
-            case (x, y, z) if all(map(_is_coordinate, (x, y, z))):
+            case (x, y, z) if all(
+                _is_within(each, -_LONGEST, _LONGEST) for each in (x, y, z)
+            ):
                 return float(x), float(y), float(z)
         raise OptionError(
             f"{name} of camera {self.name!r} is three finite numbers (x, y, z) in metres, at most "
@@ -289,14 +291,10 @@ def _check_name(name: object) -> None:
         )
 
 
-def _is_number(value: object) -> bool:
-    """Whether this is a finite real number, Python's or NumPy's, and no boolean."""
+def _is_within(value: object, low: float, high: float) -> bool:
+    """Whether this is a real number, Python's or NumPy's and no boolean, within bounds."""
     is_real = isinstance(value, int | float | np.integer | np.floating)
-    return is_real and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_coordinate(value: object) -> bool:
-    return _is_number(value) and abs(value) <= _LONGEST  # type: ignore[arg-type] - a number
+    return is_real and not isinstance(value, bool) and bool(low <= value <= high)
 
 
 MUJOCO_FROM_OPENCV = SE3(np.diag([1.0, -1.0, -1.0]))

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from duobench.core.types import SIDES
 from duobench.world.objects.segmentation import (
+    ARMS,
     CAMERA,
+    GRIPPERS,
     NOTHING,
     ROOM,
-    arm_part,
-    gripper_part,
 )
 from duobench.world.scene.naming import FLOOR, gripper_name
 from duobench.world.scene.workcell import world_parts
@@ -39,9 +39,9 @@ def _part(body: str, kind: int) -> str:
     """Part of the scene that a geom of a kind on a body belongs to."""
     for side in SIDES:
         if body.startswith(gripper_name(side)):
-            return gripper_part(side)
+            return GRIPPERS[side]
         if body.startswith(f"{side}/"):
             # Links are rendered as meshes, and the camera on the last one as boxes.
             is_box = kind == mujoco.mjtGeom.mjGEOM_BOX.value
-            return CAMERA if is_box else arm_part(side)
+            return CAMERA if is_box else ARMS[side]
     return ROOM if body == FLOOR else body
