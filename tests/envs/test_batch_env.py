@@ -481,7 +481,6 @@ def test_what_one_environment_stands_for_cannot_be_told_apart(
         ({"vector_kwargs": {"copy": False}}, gym.vector.SyncVectorEnv),
         ({"vectorization_mode": "sync"}, gym.vector.SyncVectorEnv),
     ],
-    ids=str,
 )
 def test_the_usual_way_is_the_fastest_that_the_options_allow(
     options: dict[str, Any], kind: type[gym.vector.VectorEnv]
