@@ -156,6 +156,7 @@ OFFERED = """
     duobench.core.spatial
     duobench.core.types
     duobench.envs.action_labels
+    duobench.envs.state_labels
     duobench.envs.duo_env
     duobench.envs.execution
     duobench.envs.observation_wrappers
@@ -176,6 +177,7 @@ OFFERED = """
     duobench.tasks.experts.expert
     duobench.tasks.experts.handling
     duobench.tasks.experts.motion
+    duobench.tasks.object_state
     duobench.teleop.hands
     duobench.teleop.leaders.device
     duobench.teleop.leaders.lerobot_source
