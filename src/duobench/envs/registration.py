@@ -97,8 +97,8 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
         task: Id of a task or of its environment, import path "module:ATTRIBUTE", or a task.
         options: What differs from the evaluation protocol, by name:
 
-            - `cameras` (True): True, False, or several of head, left_wrist, right_wrist and
-              `duobench.Camera`s of one's own; or sizes of their images by name.
+            - `cameras` (True): True, False, or several of head, left_wrist, right_wrist and cameras
+              of one's own (`duobench.Camera`); or sizes of their images by name.
             - `image_size` (224, 224): height and width of their images, or one number, in pixels.
             - `image_sizes` ({}): sizes by camera of those that have another one.
             - `depth` (False): True, False or names of cameras whose depth observations hold.
