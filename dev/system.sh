@@ -3,12 +3,13 @@
 # as it is. What cannot be done without ends it in a sentence.
 #
 #     sh dev/system.sh PYTHON setup      a module that makes environments, and OpenGL if it can be had
-#     sh dev/system.sh PYTHON test       the same, and OpenGL must be there
+#     sh dev/system.sh PYTHON test       the same, OpenGL must be there, and Vulkan if it can be had
 #     sh dev/system.sh PYTHON browser    a browser if it can be had, for tests of driven pages
 #     sh dev/system.sh PYTHON hardware   what a library of cameras loads, if it can be had
 set -eu
 python=$1
 part=$2
+vulkan="libvulkan1 mesa-vulkan-drivers"
 opengl="libegl1 libopengl0 libgl1 libgl1-mesa-dri"
 
 loads() {
@@ -31,6 +32,9 @@ venv=$("$python" -c 'import sys; print("python{}.{}-venv".format(*sys.version_in
 packages=""
 has_venv || packages="$packages $venv"
 has_opengl || packages="$packages $opengl"
+if [ "$part" = test ]; then
+    loads libvulkan.so.1 || packages="$packages $vulkan"
+fi
 if [ "$part" = browser ]; then
     has_browser || packages="$packages chromium"
 fi

@@ -28,6 +28,7 @@ from gallery_shots import (
     FOLDER,
     FRAME_MS,
     LATER,
+    LOOK,
     QUALITY,
     REST_MS,
     SAMPLES,
@@ -48,6 +49,7 @@ from duobench.core.types import Array
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollouts import Info, Observation, Step, Watcher, rollout
 from duobench.tasks import catalog
+from duobench.world.looks.catalog import DEFAULT, look
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.world.sim.rendering import Renderer
 from duobench.world.sim.simulation import Simulation
@@ -145,7 +147,11 @@ def filmed(
     height, width = FILM_SIZE
     aim(simulation, plan.view)
     with Renderer(
-        simulation.model, height=height, width=width, samples=FILM_SAMPLES
+        simulation.model,
+        height=height,
+        width=width,
+        samples=FILM_SAMPLES,
+        look=look(LOOK),
     ) as renderer:
         for step in (
             np.linspace(0, len(recorder.states) - 1, FILM_FRAMES).round().astype(int)
@@ -157,12 +163,16 @@ def filmed(
 def draw_start(simulation: Simulation, recorder: StateRecorder, folder: Path) -> None:
     """Draw the start from every camera."""
     simulation.set_state(recorder.states[0])
-    for cameras, (height, width), samples in (
-        ((OVERVIEW,), START_SIZE, SAMPLES),
-        (POLICY_CAMERAS, CAMERA_SIZE, 1),
+    for cameras, (height, width), samples, name in (
+        ((OVERVIEW,), START_SIZE, SAMPLES, LOOK),
+        (POLICY_CAMERAS, CAMERA_SIZE, 1, DEFAULT),
     ):
         with Renderer(
-            simulation.model, height=height, width=width, samples=samples
+            simulation.model,
+            height=height,
+            width=width,
+            samples=samples,
+            look=look(name),
         ) as renderer:
             for camera, image in renderer.render_all(simulation.data, cameras).items():
                 save(image, folder / camera_file(camera))
@@ -175,7 +185,11 @@ def draw_stages(
     height, width = STAGE_SIZE
     last = recorder.reached[-1][1]
     with Renderer(
-        simulation.model, height=height, width=width, samples=SAMPLES
+        simulation.model,
+        height=height,
+        width=width,
+        samples=SAMPLES,
+        look=look(LOOK),
     ) as renderer:
         for step, stage in moments(recorder.reached):
             aim(simulation, (plan.last or plan.view) if stage == last else plan.view)

@@ -20,6 +20,7 @@ from gallery_shots import (
     FILM_SAMPLES,
     FILM_SIZE,
     LATER,
+    LOOK,
     QUALITY,
     SAMPLES,
     STAGE_SIZE,
@@ -28,6 +29,7 @@ from gallery_shots import (
 )
 
 from duobench.tasks.task import Task
+from duobench.world.looks.catalog import look
 from duobench.world.scene.compose import compose
 from duobench.world.sim.offscreen import VISIBLE_GROUPS
 
@@ -54,6 +56,7 @@ def sources(task: Task, reached: Iterable[Sequence[int]]) -> dict[str, Any]:
             "samples": FILM_SAMPLES,
             "quality": FILM_QUALITY,
         },
+        "look": look(LOOK).to_json(),
         "model": model_digest(task),
     }
     return json.loads(json.dumps(found))

@@ -266,6 +266,13 @@ def axes() -> str:
             "and 8 to 24 pieces of furniture in the background",
             "and textures and shades of objects",
         ),
+        "renderer | images: by the studio; not part of `robust`, nor of all": (
+            "look `studio`",
+            "and other light and exposure",
+            "and colours of table, floor, walls, robot",
+            "and their textures",
+            "and 8 to 24 pieces of furniture in the background",
+        ),
         "camera | images: offset of the head camera along each axis up to": by_level(
             levels.CAMERA_METRES, " mm", 1000
         ),

@@ -1,13 +1,19 @@
-"""How long images take: one frame, an observation of three cameras, and of other kinds."""
+"""How long images take: one frame, an observation of three cameras, other kinds, each renderer."""
 
+import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
+from functools import partial
 
 import duobench
 from dev.benchmarks.environments import begin
 from dev.benchmarks.measure import Measurement, Work, seconds
 from duobench.core.backend import DEPTH, KINDS, SEGMENTATION, Sizes, Wanted
+from duobench.core.errors import RenderingError
 from duobench.envs.observation_wrappers import IMAGE_SIZE
 from duobench.envs.sim_env import sim_of
+from duobench.world.looks.catalog import look
+from duobench.world.looks.look import STUDIO
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.sim import rendering
 
@@ -46,3 +52,29 @@ def measure(name: str, repeats: int = 60) -> Iterator[Measurement]:
     for kinds, took in zip(OTHERS, others, strict=True):
         what = f"{name}: {' and '.join(kinds)}, to colours alone"
         yield Measurement(what=what, value=took / observation)
+    yield from measure_studio(name)
+
+
+def measure_studio(name: str, repeats: int = 10) -> Iterator[Measurement]:
+    """Measure an observation of three cameras in a look of the studio beside the default one."""
+    env = duobench.make(name, cameras=False)
+    begin(env)
+    simulation = sim_of(env).simulation
+    height, width = IMAGE_SIZE
+    with ExitStack() as stack:
+        works = []
+        for each in ("default", STUDIO):
+            renderer = rendering.Renderer(
+                simulation.model, height=height, width=width, look=look(each)
+            )
+            stack.enter_context(renderer)
+            draw = partial(renderer.render_all, simulation.data, POLICY_CAMERAS)
+            works.append(Work(pieces=[draw]))
+        try:
+            classic, studio = seconds(*works, repeats=repeats)
+        except RenderingError as error:
+            sys.stderr.write(f"{error}\n")
+            return
+    env.close()
+    what = f"{name}: three cameras in the look studio, times the default one"
+    yield Measurement(what=what, value=studio / classic, unit="", at_most=100.0)

@@ -231,6 +231,19 @@ def test_depth_parts_and_a_camera_of_ones_own_go_from_policy_to_record_and_page(
 
 
 @pytest.mark.slow
+def test_a_video_may_have_a_look_of_its_own_and_nothing_else_has_it(play):
+    plain, results = play("random", episodes=1, videos=1)
+    shown, others = play("random", "shown", episodes=1, videos=1, video_look="dark")
+    assert results.overall == others.overall
+    for one in others.tasks:
+        assert one.records[0].config.look == "default"
+        files = [run.video(key(run, one.task.id, 0)).read_bytes() for run in (plain, shown)]
+        assert files[0] != files[1]
+    with pytest.raises(UnknownNameError, match="'dark'"):
+        play("random", "unknown", episodes=1, videos=1, video_look="drak")
+
+
+@pytest.mark.slow
 def test_first_episodes_have_videos_the_same_in_any_process(play):
     folder, results = play("random", videos=1, episodes=2)
     videos = sorted(folder.path.glob("videos/*/*/*.webm"))

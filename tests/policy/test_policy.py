@@ -205,9 +205,9 @@ def test_every_problem_is_listed_with_an_environment_that_fits() -> None:
         check_fits(metadata(**wanted), other)
     assert str(refused.value) == (
         "Policy 'mine' does not fit the environment: it sees camera 'head', the environment shows "
-        "none; it reads the state of the objects, which the environment does not show; its actions are "
-        "'cartesian', the environment's 'joint'; it gives chunks of any length, the environment takes chunks of one "
-        "length. One that fits: duobench.make(task,"
+        "none; it reads the state of the objects, which the environment does not show; its "
+        "actions are 'cartesian', the environment's 'joint'; it gives chunks of any length, the "
+        "environment takes chunks of one length. One that fits: duobench.make(task,"
         " cameras=('head',), image_size=(48, 64), object_state=True, action_mode='cartesian')."
     )
     env = duobench.make(TASK, **wanted)  # as the advice says

@@ -7,7 +7,8 @@ import numpy as np
 from PIL import Image
 
 from duobench import Camera
-from duobench.core.video import VP9, write_video
+from duobench.core.codecs import VP9
+from duobench.core.video import write_video
 from duobench.envs.config import EnvConfig
 from duobench.policy import Batching, PolicyMetadata
 from duobench.results.folder import RunFolder

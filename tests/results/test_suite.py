@@ -48,6 +48,15 @@ def test_what_a_policy_sees_beyond_the_robots_images_is_never_the_papers() -> No
     assert deviations(suite, EnvConfig(cameras=("head",))) == []
 
 
+def test_another_renderer_is_played_when_it_is_named() -> None:
+    usual = SuiteChoice(suite="robust").make()
+    named = SuiteChoice(suite="robust", axes=("camera", "renderer"), levels=(2,)).make()
+    assert "renderer" not in {shift.axis for shift in usual.shifts}
+    assert [shift.name for shift in named.shifts] == ["none", "camera-2", "renderer-2"]
+    assert deviations(usual) == []
+    assert len(deviations(named)) == 1
+
+
 def test_no_name_is_a_suite_of_ones_own() -> None:
     suite = SuiteChoice().make()
     assert (suite.label, suite.episodes, suite.execution) == ("custom", 20, ChunkExecution())

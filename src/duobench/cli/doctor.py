@@ -17,6 +17,7 @@ import numpy as np
 from duobench.cli.shared.console import CHECK_STYLES, counted, say
 from duobench.cli.shared.process import load_engine
 from duobench.core import files
+from duobench.core.errors import RenderingError
 from duobench.core.machine import DEVICE, unsupported
 from duobench.core.randomness import SUITE_VERSION
 from duobench.core.versions import other_engine, record_versions
@@ -96,6 +97,7 @@ def _checks(out: Path | None) -> Iterator[Check]:
         "figures": _figures,
         "videos": _videos,
         "images": _images,
+        "studio": _studio,
     }
     for name, look in looks.items():
         try:
@@ -192,7 +194,8 @@ def _figures() -> Iterator[Check]:
 
 
 def _videos() -> Iterator[Check]:
-    from duobench.core.video import AV1, H264, VP9, write_video
+    from duobench.core.codecs import AV1, H264, VP9
+    from duobench.core.video import write_video
 
     codecs = (VP9, AV1, H264)
     frames = [np.zeros((64, 64, 3), dtype=np.uint8)] * 2
@@ -230,6 +233,18 @@ def _images() -> Iterator[Check]:
     by = "the processor, as no card does" if info.software else "a graphics card"
     advice = f"CUDA_VISIBLE_DEVICES does not choose it; {DEVICE}, a whole number, does."
     yield CheckOutcome.NOTE.unless(is_chosen, "rendered by", by, advice)
+
+
+def _studio() -> Iterator[Check]:
+    from duobench.world.looks.look import STUDIO
+    from duobench.world.sim.rendering import describe
+
+    try:
+        found = describe(STUDIO).renderer
+    except RenderingError as error:
+        yield CheckOutcome.NOTE.of("studio", str(error))
+    else:
+        yield CheckOutcome.OK.of("studio", f"looks of the studio by {found}")
 
 
 def _milliseconds(work: Callable[[], object]) -> float:

@@ -96,6 +96,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     executor: Literal["processes", "ray"] = "processes",
     cluster: tyro.conf.OmitArgPrefixes[Cluster] = _CLUSTER,
     videos: int | None = None,
+    video_look: str | None = None,
     observer: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
     resuming: tyro.conf.OmitArgPrefixes[Resuming] = _RESUMING,
 ) -> None:
@@ -122,6 +123,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         cluster: The Ray cluster.
         videos: How many episodes of each task have a video: 1, and 0 under each shift of the suite
             robust, unless another number is given.
+        video_look: Look of the table in videos, such as studio; without one, that of --look.
         observer: module:NAME of an observer, or of a class or function that makes one; it is told
             of every finished episode, such as to log it. Give it once for each.
         resuming: What is done with a run that is there.
@@ -156,6 +158,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             played,
             folder,
             videos=int(len(played.shifts) == 1) if videos is None else videos,
+            video_look=video_look,
             limits=limits,
             workers=workers,
             observers=[EpisodesPlayed(shown, part), *observers],

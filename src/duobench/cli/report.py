@@ -28,6 +28,7 @@ def run(
     source: tyro.conf.Positional[Path],
     out: Path | None = None,
     videos: tuple[str, ...] = (),
+    video_look: str | None = None,
     replays: tuple[str, ...] = (),
     import_tasks: bool = False,
 ) -> None:
@@ -41,6 +42,7 @@ def run(
         out: Folder of the report of a bundle; that of a run lies in the run's own folder.
         videos: Make videos of these finished episodes first, from what was sent in them: failures,
             all, or TASK:EPISODE such as bin_sort:3, one or several. One that is there stays.
+        video_look: Look of the table in them, such as studio; without one, that of the run.
         replays: Show these finished episodes in 3D on the page: as for --videos, but failures and
             all choose 20 at most, of all tasks and last stages.
         import_tasks: For videos and replays, import tasks that are not of the benchmark. This runs
@@ -66,7 +68,9 @@ def run(
     write_report(folder, elsewhere)
     impossible = 0
     if videos or replays:
-        impossible = _make_chosen(folder, parts, videos, replays, import_tasks)
+        impossible = _make_chosen(
+            folder, parts, videos, replays, import_tasks, video_look
+        )
         write_report(folder, elsewhere)
     missing = missing_shards(folder, parts[0].run)
     if missing:
@@ -82,6 +86,7 @@ def _make_chosen(
     videos: Sequence[str],
     replays: Sequence[str],
     import_tasks: bool,
+    video_look: str | None,
 ) -> int:
     """Make videos and replays of the episodes that words choose; how many cannot be made."""
     load_engine()
@@ -104,7 +109,13 @@ def _make_chosen(
                 )
                 continue
             todo = partial(
-                make_missing, folder, run, chosen, what, import_tasks=import_tasks
+                make_missing,
+                folder,
+                run,
+                chosen,
+                what,
+                import_tasks=import_tasks,
+                video_look=video_look,
             )
             impossible += _make(what, todo, import_tasks)
     return impossible

@@ -24,6 +24,8 @@ OPENGL_PACKAGES = "libegl1 libopengl0 libgl1 libgl1-mesa-dri"
 """Packages of Debian and Ubuntu with which EGL renders offscreen, on a processor too."""
 OSMESA_PACKAGES = "libosmesa6"
 """The same for OSMesa, which always renders on the processor."""
+VULKAN_PACKAGES = "libvulkan1 mesa-vulkan-drivers"
+"""The same for Vulkan, on a processor too."""
 DEVICE = "MUJOCO_EGL_DEVICE_ID"
 """Environment variable with which people choose a graphics device for EGL."""
 SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")

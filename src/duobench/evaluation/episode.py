@@ -42,6 +42,9 @@ from duobench.results.records import NOT_REPEATABLE, FirstAnswer, Record
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
 from duobench.tasks import catalog
+from duobench.tasks.shifts.shift import RENDERER
+from duobench.world.looks.catalog import as_look
+from duobench.world.looks.look import STUDIO
 from duobench.world.objects.prop import digest_of
 from duobench.world.sim.rendering import describe
 
@@ -88,6 +91,8 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     limits: TimeLimits = TimeLimits()
     videos: int = 0
     """Number of episodes of each task, from the first on, with a video."""
+    video_look: str | None = None
+    """Look of the table in videos; None is that of the suite."""
     recording: RecordingPlan | None = None
 
 
@@ -161,11 +166,12 @@ class _TaskSetup:
         env: gym.Env,
         policy: Policy,
         recorder: Recorder | None,
+        video_look: str | None,
     ) -> None:
         self.env = env
         self.policy = policy
         self.recorder = recorder
-        self.overview = Overview(env)
+        self.overview = Overview(env, video_look)
 
     def close(self) -> None:
         self.overview.close()
@@ -209,6 +215,7 @@ class EpisodeRunner:
         act_s = math.inf if source.waits_for_others else job.limits.act_timeout
         self._limits = replace(job.limits, act_timeout=act_s)
         self._recording = job.recording
+        self._video_look = job.video_look
         self._clock = clock or EpisodeClock()
         self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
@@ -221,7 +228,8 @@ class EpisodeRunner:
             look=job.suite.look,
         )
         with before_policy(""):
-            renderer = describe().renderer if config.wanted else None
+            shown_by = as_look(config.look).renderer
+            renderer = describe(shown_by).renderer if config.wanted else None
         choice = job.policy
         candidate = Candidate(
             policy=choice.name,
@@ -251,6 +259,13 @@ class EpisodeRunner:
         self._actor = Actor(kind=kind, name=choice.name, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
 
+    def _versions(self, episode: Episode) -> dict[str, str | None]:
+        """Versions of an episode, which may be shifted to another renderer."""
+        if not episode.shift.level_of(RENDERER) or self.versions["renderer"] is None:
+            return self.versions
+        with before_policy(""):
+            return {**self.versions, "renderer": describe(STUDIO).renderer}
+
     def play(self, episode: Episode) -> EpisodeResult:
         """Play one episode.
 
@@ -259,6 +274,7 @@ class EpisodeRunner:
         it does not fit; see `blame`.
         """
         watch = Stopwatch()
+        versions = self._versions(episode)
         setting = self._prepare(episode)
         env = setting.env
         policy = setting.policy
@@ -266,7 +282,7 @@ class EpisodeRunner:
         if recording is not None:
             recording.content = None
         recorder = EpisodeRecorder(
-            episode, lambda: self._tell(recorder.record(self.run, self.versions))
+            episode, lambda: self._tell(recorder.record(self.run, versions))
         )
         video = None
         if episode.has_video:
@@ -307,7 +323,7 @@ class EpisodeRunner:
             if fault is not None:
                 raise fault from caught
             error = caught
-        record = recorder.record(self.run, self.versions)
+        record = recorder.record(self.run, versions)
         return EpisodeResult(
             record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
@@ -373,8 +389,8 @@ class EpisodeRunner:
             env.close()
             raise
         if plan is None:
-            return _TaskSetup(env, policy, None)
+            return _TaskSetup(env, policy, None, self._video_look)
         recorder = Recorder(
             env, None, self._actor, after_success=plan.after_success, keep=plan.keeps
         )
-        return _TaskSetup(recorder, policy, recorder)
+        return _TaskSetup(recorder, policy, recorder, self._video_look)

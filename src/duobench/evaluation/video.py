@@ -11,13 +11,15 @@ import numpy as np
 from PIL import Image as Pillow, ImageDraw, ImageFont
 
 from duobench.core.backend import Image
+from duobench.core.codecs import VP9
 from duobench.core.false_colours import pictures
 from duobench.core.types import CONTROL_HZ
-from duobench.core.video import VP9, VideoWriter
+from duobench.core.video import VideoWriter
 from duobench.envs.execution import Step
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.rollouts import Info, Observation
 from duobench.results.suite import TaskInfo
+from duobench.world.looks.catalog import as_look
 from duobench.world.robot.cameras import OVERVIEW
 from duobench.world.sim.rendering import Renderer
 
@@ -38,18 +40,23 @@ class Overview:
     """The camera for people, on a simulated environment, wrapped or not.
 
     OpenGL is first touched by the first image.
+
+    Args:
+        env: The environment.
+        look: Look of the images; without one, that of the episode.
     """
 
-    def __init__(self, env: gym.Env) -> None:
+    def __init__(self, env: gym.Env, look: str | None = None) -> None:
         self._base = sim_of(env)
+        self._own = None if look is None else as_look(look)
         height, width = VIDEO_SIZE
         self._renderer = Renderer(
             self._base.simulation.model, height=height, width=width
         )
 
     def image(self) -> Image:
-        """The current image (480, 640, 3), in the look of the episode."""
-        self._renderer.set_look(self._base.look)
+        """The current image (480, 640, 3)."""
+        self._renderer.set_look(self._own or self._base.look)
         return self._renderer.render(self._base.simulation.data, OVERVIEW)
 
     def close(self) -> None:

@@ -49,7 +49,7 @@ class Robustness:
     def axes(self) -> list[str]:
         """The axes that were played."""
         played = {part.condition.shift.axis for part in self.parts}
-        return [axis for axis in shifts.AXES if axis in played]
+        return [axis for axis in shifts.EVERY_AXIS if axis in played]
 
     @property
     def missing(self) -> int:
@@ -91,7 +91,9 @@ def write_robustness(policies: Sequence[Robustness], out: Path) -> Path:
 
 def robustness_files(policies: Sequence[Robustness], pages: str = "") -> dict[str, str]:
     """The same files as text by name, with links to a folder of pages of each condition, if any."""
-    axes = [axis for axis in shifts.AXES if any(axis in one.axes for one in policies)]
+    axes = [
+        axis for axis in shifts.EVERY_AXIS if any(axis in one.axes for one in policies)
+    ]
     runs = [
         (one.title, {axis: one.levels(axis) for axis in one.axes}) for one in policies
     ]

@@ -30,7 +30,7 @@ from duobench.results.records import (
     Software,
 )
 from duobench.results.suite import Episode, Suite
-from duobench.tasks.shifts.shift import NO_SHIFT, Shift, every_shift
+from duobench.tasks.shifts.shift import EVERY_AXIS, NO_SHIFT, Shift, every_shift
 
 MAX_SHARDS = 10_000
 
@@ -374,7 +374,7 @@ class Run:
     def with_shifts_of(self, other: Self) -> Self:
         """The same run with the shifts of another one too."""
         both = {*self.suite.shifts, *other.suite.shifts}
-        order = tuple(shift for shift in every_shift() if shift in both)
+        order = tuple(shift for shift in every_shift(EVERY_AXIS) if shift in both)
         return replace(self, suite=replace(self.suite, shifts=order))
 
     def _facts(self, with_candidates: bool) -> dict[str, object]:

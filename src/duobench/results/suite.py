@@ -15,7 +15,15 @@ from duobench.envs.config import EnvConfig
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.tasks import catalog
 from duobench.tasks.shifts.levels import latency_steps
-from duobench.tasks.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
+from duobench.tasks.shifts.shift import (
+    AXES,
+    EVERY_AXIS,
+    LEVELS,
+    NO_SHIFT,
+    RENDERER,
+    Shift,
+    every_shift,
+)
 from duobench.world.looks import catalog as looks
 from duobench.world.robot.cameras import Camera
 
@@ -244,7 +252,7 @@ class SuiteChoice:
     """Play under one shift, such as look-3; see the page robustness."""
     axes: tuple[str, ...] = ()
     """Of the suite robust, these axes alone: look, camera, layout, physics, instruction, sensing,
-    latency, all."""
+    latency, all; and renderer, which is not among them and needs Vulkan."""
     levels: tuple[int, ...] = ()
     """Of the suite robust, these levels alone, 1 to 5; no shift is always played."""
 
@@ -286,13 +294,14 @@ class SuiteChoice:
                 "The suite robust has shifts of its own: choose axes and levels."
             )
         for axis in self.axes:
-            check_known("axis of a shift", axis, AXES)
+            check_known("axis of a shift", axis, EVERY_AXIS)
         for level in self.levels:
             Shift(axis=AXES[0], level=level)
         axes, levels = self.axes or AXES, self.levels or range(1, LEVELS + 1)
+        other = tuple(every_shift((RENDERER,)))[1:]
         return tuple(
             each
-            for each in usual
+            for each in usual + other
             if each == NO_SHIFT or (each.axis in axes and each.level in levels)
         )
 

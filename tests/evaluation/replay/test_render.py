@@ -99,6 +99,17 @@ def test_video_made_later_is_that_of_the_evaluation(play):
     assert told == [(done, 4) for done in range(5)]
 
 
+@pytest.mark.slow
+def test_video_made_later_may_have_another_look(play):
+    folder, _ = play("random", episodes=1, videos=1, video_look="dark", tasks=WAVE)
+    path = folder.video(key(folder, "wave", 0))
+    before = path.read_bytes()
+    path.unlink()
+    run, records = read_source(folder.path)
+    make_missing(folder, run, records, VIDEO, import_tasks=True, video_look="dark")
+    assert path.read_bytes() == before
+
+
 def test_video_that_is_there_stays(play):
     folder, _ = play("random", episodes=2, videos=0)
     path = folder.video(key(folder, "nod", 1))

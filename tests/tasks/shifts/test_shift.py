@@ -1,5 +1,5 @@
 import math
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +18,16 @@ from duobench.tasks.shifts.samples import (
     shifted_look,
     shifted_task,
 )
-from duobench.tasks.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
+from duobench.tasks.shifts.shift import (
+    AXES,
+    EVERY_AXIS,
+    LEVELS,
+    NO_SHIFT,
+    RENDERER,
+    Shift,
+    every_shift,
+)
+from duobench.world.looks.catalog import look as named_look
 from duobench.world.looks.look import Look, Material
 
 KEYS = [EpisodeKey(task="bin_sort", seed=seed, split="eval") for seed in range(40)]
@@ -105,6 +114,22 @@ def test_looks_have_one_thing_more_at_every_level() -> None:
     assert camera == Look(cameras=camera.cameras)
     assert shifted("sensing", 2) == Look(noise=levels.IMAGE_NOISE[2])
     assert shifted("layout", 5) is usual
+
+
+def test_another_renderer_shows_the_same_and_is_in_no_suite() -> None:
+    usual = Look(noise=0.1)
+
+    def shifted(axis: str, level: int) -> Look:
+        return shifted_look(Shift(axis=axis, level=level), KEYS[0], usual)
+
+    assert shifted("renderer", 1) == replace(named_look("studio"), noise=0.1)
+    for level in range(2, 6):
+        other = shifted("look", level - 1)
+        parts = named_look("studio").parts if level == 2 else other.parts
+        assert shifted("renderer", level) == replace(other, renderer="studio", parts=parts)
+    assert shifted("all", 5).renderer == "classic"
+    assert RENDERER not in {shift.axis for shift in every_shift()}
+    assert list(every_shift(EVERY_AXIS))[-1].axis == RENDERER
 
 
 @pytest.mark.parametrize("task_id", catalog.names())

@@ -13,7 +13,7 @@ from duobench.core.errors import AssetError, UnknownNameError
 from duobench.core.spatial import SE3
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import LOOKS, look
-from duobench.world.looks.look import CameraOffset, Light, Look, Material
+from duobench.world.looks.look import CLASSIC, CameraOffset, Light, Look, Material
 from duobench.world.objects import WHITE, Image, Prop, Solid, block, box, printable
 from duobench.world.objects.solid import Texture
 from duobench.world.robot.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
@@ -26,7 +26,8 @@ from tests.world.sim.props import at_reset
 
 SIZE = 96
 Draw = Callable[..., np.ndarray]
-NAMES = [*LOOKS, "random:1", "random:2"]
+CLASSIC_LOOKS = [name for name, each in LOOKS.items() if each.renderer == CLASSIC]
+NAMES = [*CLASSIC_LOOKS, "random:1", "random:2"]
 OTHERS = [name for name in NAMES if name != "default"]
 
 

@@ -15,7 +15,7 @@ from duobench.core.errors import RenderingError, UnknownNameError
 from duobench.core.spatial import SE3
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import look
-from duobench.world.looks.look import Look
+from duobench.world.looks.look import CLASSIC, Look
 from duobench.world.objects.blocks import RED, cube
 from duobench.world.objects.prop import Prop
 from duobench.world.objects.segmentation import segmentation_ids
@@ -227,7 +227,7 @@ def test_a_renderer_that_is_gone_is_freed_with_the_next_image(
 ) -> None:
     gone = Renderer(simulation.model, height=8, width=8)
     gone.render(simulation.data, HEAD)
-    process, key = rendering_process.current(), gone._key
+    process, key = rendering_process.current(), gone._counterparts[CLASSIC].key
     if how == "closed":
         gone.close()
     del gone

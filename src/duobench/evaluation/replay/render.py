@@ -127,6 +127,7 @@ def make_missing(
     what: str,
     *,
     import_tasks: bool = False,
+    video_look: str | None = None,
     progress: Progress = lambda _done, _total: None,
 ) -> RenderResult:
     """Make the missing videos or replays of episodes of a run, where its report looks for them.
@@ -143,6 +144,7 @@ def make_missing(
         what: `VIDEO` or `REPLAY`.
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
             the modules that the run names. Their episodes have no video without.
+        video_look: Look of the table in videos; None is that of the run.
         progress: Told about the progress.
     """
     if what == VIDEO and run.suite.version != SUITE_VERSION:
@@ -150,7 +152,10 @@ def make_missing(
             f"The run is of suite {run.suite.version}; this version plays suite {SUITE_VERSION}, "
             "in which what was sent leads elsewhere. Make videos with the version that played it."
         )
-    with closing(_RecordRenderer(folder, run, import_tasks=import_tasks)) as renderer:
+    made_by = _RecordRenderer(
+        folder, run, import_tasks=import_tasks, video_look=video_look
+    )
+    with closing(made_by) as renderer:
         make = renderer.make_video if what == VIDEO else renderer.make_replay
         is_there = [
             folder.video(each.key).exists()
@@ -170,8 +175,10 @@ class _RecordRenderer:
         run: Run,
         *,
         import_tasks: bool,
+        video_look: str | None,
     ) -> None:
         self._folder, self._run = folder, run
+        self._video_look = video_look
         self._player = RecordPlayer(run, import_tasks=import_tasks)
         chunk, execution = run.candidate.metadata.horizon, run.suite.execution
         self._chunk = chunk and min(chunk, execution.execute or chunk)
@@ -205,7 +212,7 @@ class _RecordRenderer:
 
     def make_video(self, record: Record) -> None:
         env = self._player.environment_of(record, has_images=True)
-        overview = self._overview.get(env, lambda: Overview(env))
+        overview = self._overview.get(env, lambda: Overview(env, self._video_look))
         picture = Picture(self._player.task(record), is_seen=self._chunk is not None)
         recorder = VideoRecorder(overview.image, picture)
         self._replay(record, recorder, has_images=True)

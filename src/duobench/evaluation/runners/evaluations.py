@@ -48,6 +48,7 @@ from duobench.results.report import write_report
 from duobench.results.run import RUN_SCHEMA, WHOLE, Resuming, Run, Shard, TimeLimits
 from duobench.results.scores import Results, summarize
 from duobench.results.suite import Episode, Suite, TaskInfo
+from duobench.world.looks.catalog import as_look
 
 _RESUMING = Resuming()
 
@@ -58,6 +59,7 @@ def evaluate(  # noqa: PLR0913
     folder: RunFolder,
     *,
     videos: int = 0,
+    video_look: str | None = None,
     limits: TimeLimits | None = None,
     workers: int = 1,
     observers: Sequence[Observer[Record]] = (),
@@ -77,6 +79,7 @@ def evaluate(  # noqa: PLR0913
         suite: What to play, under every shift that it names.
         folder: Where everything is written; a folder that holds the same run is continued.
         videos: How many episodes of each task and shift, from the first on, have a video.
+        video_look: Look of the table in them; None is that of the suite.
         limits: How long the policy may take.
         workers: Processes that play side by side. With 0 this process plays: fine for a debugger,
             but it cannot stop a policy that hangs or outlive one that ends its process.
@@ -99,6 +102,8 @@ def evaluate(  # noqa: PLR0913
         PolicyError: If the policy cannot be made, or does not fit the environment.
         DuoBenchError: If the environment cannot be made.
     """
+    if video_look is not None:
+        as_look(video_look)
     choice = PolicyChoice(name=policy) if isinstance(policy, str) else policy
     if videos < 0:
         raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
@@ -107,6 +112,7 @@ def evaluate(  # noqa: PLR0913
         suite=suite,
         limits=limits or TimeLimits(),
         videos=videos,
+        video_look=video_look,
     )
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
@@ -236,6 +242,7 @@ def record(  # noqa: PLR0913
     data: DataSet,
     *,
     episodes: int = 50,
+    first: int = 0,
     split: str = TRAIN,
     instructions: str = FIXED,
     keep_failures: bool = False,
@@ -252,6 +259,7 @@ def record(  # noqa: PLR0913
         tasks: What to record.
         data: Where; a data set that holds the same recording is continued.
         episodes: How many successful episodes of each task.
+        first: Index of the first episode of each task; a data set is continued from the same one.
         split: Layouts that the episodes begin with. Those of "eval" are what policies are evaluated
             on: what learns from them cannot be evaluated any more.
         instructions: What the policy is told; see `EnvConfig`.
@@ -281,7 +289,7 @@ def record(  # noqa: PLR0913
     )
     job = Job(
         policy=PolicyChoice(name=policy),
-        suite=Suite(tasks=tuple(tasks), episodes=episodes),
+        suite=Suite(tasks=tuple(tasks), episodes=episodes, first_episode=first),
         limits=limits or TimeLimits(),
         recording=plan,
     )
@@ -386,17 +394,18 @@ class _Log:
         """The episodes to play next: those that are enough if all of them succeed."""
         missing = list[int]()
         kept = 0
-        index = 0
-        wanted = self._run.suite.episodes
+        suite = self._run.suite
+        index, wanted = suite.first_episode, suite.episodes
         while kept < wanted:
             attempt = self._attempts.get((task.id, index))
             if attempt is None:
                 missing.append(index)
             kept += attempt is None or attempt.kept
             index += 1
-            if index > MAX_EPISODES_PER_SUCCESS * wanted:
+            played = index - suite.first_episode
+            if played > MAX_EPISODES_PER_SUCCESS * wanted:
                 raise TooFewSuccessesError(
-                    f"Only {kept - len(missing)} of the first {index - len(missing)} episodes of "
+                    f"Only {kept - len(missing)} of the first {played - len(missing)} episodes of "
                     f"{task.id} succeeded; {wanted} are wanted. What succeeded is kept."
                 )
         return missing

@@ -18,12 +18,13 @@ from duobench.tasks.shifts.shift import (
     LAYOUT,
     LOOK,
     PHYSICS,
+    RENDERER,
     SENSING,
     Shift,
 )
 from duobench.tasks.task import Placement, Task
-from duobench.world.looks.catalog import random_look
-from duobench.world.looks.look import CameraOffset, Look, Material
+from duobench.world.looks.catalog import look as named_look, random_look
+from duobench.world.looks.look import STUDIO, CameraOffset, Look, Material
 from duobench.world.robot.cameras import CAMERAS
 
 _LIGHT, _COLOURS, _TEXTURES, _BACKGROUND, _OBJECTS = range(1, 6)
@@ -71,6 +72,11 @@ def shifted_look(
     level = level_for(shift, LOOK, key.task)
     if level:
         look = _other_look(level, key.generator(LOOK), look)
+    level = level_for(shift, RENDERER, key.task)
+    if level:
+        look = replace(look, renderer=STUDIO, parts=named_look(STUDIO).parts)
+    if level > 1:
+        look = _other_look(level - 1, key.generator(LOOK), look)
     level = level_for(shift, CAMERA, key.task)
     if level:
         look = replace(

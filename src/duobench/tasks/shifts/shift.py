@@ -1,7 +1,7 @@
 """A shift: an axis along which episodes differ from the usual ones, and how far."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from duobench.core.errors import OptionError, check_known
@@ -10,9 +10,12 @@ from duobench.core.types import as_whole
 NO_AXIS, ALL_AXES = "none", "all"
 LOOK, CAMERA, LAYOUT, PHYSICS = "look", "camera", "layout", "physics"
 INSTRUCTION, SENSING, LATENCY = "instruction", "sensing", "latency"
+RENDERER = "renderer"
 SINGLE_AXES = (LOOK, CAMERA, LAYOUT, PHYSICS, INSTRUCTION, SENSING, LATENCY)
 AXES = (*SINGLE_AXES, ALL_AXES)
-"""Axes along which episodes may be shifted; the page on robustness explains each."""
+"""Axes of the suite robust; the page on robustness explains each."""
+EVERY_AXIS = (*AXES, RENDERER)
+"""Axes along which episodes may be shifted; another renderer needs Vulkan and is in no suite."""
 LEVELS = 5
 """Levels 1 to 5 of each axis; 0 is no shift."""
 
@@ -22,12 +25,12 @@ class Shift:
     """An axis, or all together, and a level; without one, nothing differs."""
 
     axis: str = NO_AXIS
-    """One of `AXES`, or "none"."""
+    """One of `EVERY_AXIS`, or "none"."""
     level: int = 0
     """1 to 5; 0 where nothing is shifted."""
 
     def __post_init__(self) -> None:
-        check_known("axis of a shift", self.axis, (NO_AXIS, *AXES))
+        check_known("axis of a shift", self.axis, (NO_AXIS, *EVERY_AXIS))
         level = as_whole(self.level)
         lowest = 0 if self.axis == NO_AXIS else 1
         highest = 0 if self.axis == NO_AXIS else LEVELS
@@ -60,16 +63,17 @@ class Shift:
 
     def level_of(self, axis: str) -> int:
         """Level along one axis, 0 to 5."""
-        return self.level if self.axis in (axis, ALL_AXES) else 0
+        is_meant = self.axis == axis or (self.axis == ALL_AXES and axis != RENDERER)
+        return self.level if is_meant else 0
 
 
 NO_SHIFT = Shift()
 """Nothing differs."""
 
 
-def every_shift() -> Iterator[Shift]:
+def every_shift(axes: Sequence[str] = AXES) -> Iterator[Shift]:
     """No shift, then each axis at each level."""
     yield NO_SHIFT
-    for axis in AXES:
+    for axis in axes:
         for level in range(1, LEVELS + 1):
             yield Shift(axis=axis, level=level)

@@ -9,7 +9,7 @@ import numpy as np
 
 from duobench.core.errors import OptionError, UnknownNameError
 from duobench.world.looks.colours import RGB
-from duobench.world.looks.look import CameraOffset, Light, Look, Material
+from duobench.world.looks.look import STUDIO, CameraOffset, Light, Look, Material
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.workcell import SHADOW_CENTRE
 
@@ -47,6 +47,22 @@ _CHECKER = Material(
     colour=(0.75, 0.62, 0.20), texture="checker", second_colour=(0.28, 0.20, 0.42)
 )
 _CONCRETE = Material(colour=(0.50, 0.52, 0.50), texture="concrete")
+
+_BOARDS = Material(
+    colour=(0.83, 0.62, 0.42), texture="wood", second_colour=(0.50, 0.31, 0.17)
+)
+_SCREED = Material(colour=(0.62, 0.61, 0.59), texture="concrete", contrast=0.35)
+_PLASTER = Material(colour=(0.93, 0.92, 0.89), texture="concrete", contrast=0.06)
+_BRUSHED = Material(colour=(0.72, 0.72, 0.73), texture="brushed", contrast=0.5)
+_WHITE_PAINT = Material(colour=(0.92, 0.92, 0.91))
+
+_ROOM = {
+    "table": _BOARDS,
+    "floor": _SCREED,
+    "walls": _PLASTER,
+    "ceiling": _WHITE_PAINT,
+    "metal": _BRUSHED,
+}
 
 LOOKS: Mapping[str, Look] = {
     DEFAULT: Look(),
@@ -113,6 +129,16 @@ LOOKS: Mapping[str, Look] = {
         }
     ),
     "noisy": Look(noise=0.045, blur=0.003, exposure=-0.3),
+    "studio": Look(renderer=STUDIO, parts=_ROOM),
+    "studio_evening": Look(
+        renderer=STUDIO,
+        parts=_ROOM,
+        lights=(
+            Light(position=(0.3, -1.9, 1.9), colour=(0.62, 0.50, 0.36), shadow=True),
+            Light(position=(2.2, 1.6, 1.2), colour=(0.05, 0.06, 0.09)),
+        ),
+        ambient=(0.26, 0.26, 0.28),
+    ),
 }
 """The named looks."""
 

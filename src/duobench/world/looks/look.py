@@ -18,9 +18,12 @@ from duobench.world.looks.colours import RGB
 from duobench.world.looks.textures import TEXTURES
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
-PARTS = ("table", "floor", "walls", "ceiling", "robot")
+CLASSIC, STUDIO = "classic", "studio"
+RENDERERS = (CLASSIC, STUDIO)
+"""What renders the images: MuJoCo's OpenGL renderer, or its physically based one, by Vulkan."""
+PARTS = ("table", "floor", "walls", "ceiling", "robot", "metal")
 """Parts of the workcell whose material a look may choose. Of the robot it is that of the white
-covers; grippers, joints and cameras keep theirs."""
+covers; joints and cameras keep theirs. The metal is that of the mount and of the grippers."""
 EVERY_OBJECT = "*"
 """Stands for every object that a look does not name."""
 MAX_LIGHTS = 6
@@ -113,6 +116,9 @@ class CameraOffset:
 class Look:
     """Look of a rendered scene; see the fields. JSON in records."""
 
+    renderer: str = CLASSIC
+    """One of `RENDERERS`. What the others say holds for both; where it stays at its default, each
+    renderer has lights of its own."""
     seed: int = 0
     """Seeds textures, clutter, colour variation and noise: the same seed, the same images."""
     parts: Mapping[str, Material] = field(default_factory=dict)
@@ -142,6 +148,7 @@ class Look:
     of seed, camera and simulation state."""
 
     def __post_init__(self) -> None:
+        check_known("renderer", self.renderer, RENDERERS)
         for name in self.parts:
             check_known("part of the workcell", name, PARTS)
         for name in self.cameras:

@@ -22,6 +22,7 @@ from duobench.world.looks.colours import RGB, shifted
 from duobench.world.looks.look import (
     EVERY_OBJECT,
     PARTS,
+    STUDIO,
     CameraOffset,
     Light,
     Look,
@@ -37,7 +38,7 @@ from duobench.world.robot.workcell import (
     TABLE_Y,
 )
 from duobench.world.scene.naming import FLOOR, TABLE
-from duobench.world.scene.surfaces import COLLISION_GEOM_GROUP
+from duobench.world.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
 from duobench.world.scene.workcell import floor_light, wall_light
 
 Texture = NDArray[np.uint8]
@@ -53,10 +54,16 @@ _SURFACES = {
     "ceiling": (_ROOM, 128),
     "walls": ((ROOM_HEIGHT, _ROOM[0]), 384),
     "robot": ((_FACE, _FACE), _FACE_TEXELS),
+    "metal": ((0.30, 0.30), 256),
 }
 """Height and width in metres of the texture on each part of the workcell, and texels along both;
 3 mm on the table."""
+_FINENESS = {STUDIO: 2}
+"""Factor on the texels along a texture, by the renderer."""
 _WHITE = (1.0, 1.0, 1.0)
+_METAL_GREYS = (0.5, 0.8)
+_GREY = 0.05
+"""Darkest and brightest grey of metal, and the largest difference of its red, green and blue."""
 
 
 class GeomMaterial(NamedTuple):
@@ -83,8 +90,39 @@ def _geoms_of(
     if part == "robot":
         white = [geom for geom, colour in enumerate(colours) if colour == _WHITE]
         return [geom for geom in white if _body(model, geom).partition("/")[0] in SIDES]
+    if part == "metal":
+        return [
+            geom
+            for geom, colour in enumerate(colours)
+            if _is_metal(colour)
+            and model.geom_group[geom] < COLLISION_GEOM_GROUP
+            and _is_fixed_or_robot(model, geom)
+        ]
     material = model.material("wall" if part == "walls" else part).id
     return np.flatnonzero(model.geom_matid == material).tolist()
+
+
+def _is_metal(colour: RGB) -> bool:
+    """Whether it is the grey of bare metal, where mount and robot have it."""
+    low, high = _METAL_GREYS
+    return low < min(colour) and max(colour) < high and np.ptp(colour) < _GREY
+
+
+def _is_fixed_or_robot(model: mujoco.MjModel, geom: int) -> bool:
+    name = _body(model, geom)
+    if name.partition("/")[0] in SIDES:
+        return True
+    return name == "world" and model.geom_group[geom] != SHADOWLESS_GEOM_GROUP
+
+
+def parts_of(model: mujoco.MjModel) -> dict[str, list[int]]:
+    """The geoms of each part of the workcell, by `PARTS`."""
+    colours = _colours(model)
+    return {part: _geoms_of(model, part, colours) for part in PARTS}
+
+
+def _colours(model: mujoco.MjModel) -> list[RGB]:
+    return [(red, green, blue) for red, green, blue, _ in model.geom_rgba.tolist()]
 
 
 def _objects(model: mujoco.MjModel) -> dict[str, list[int]]:
@@ -121,9 +159,11 @@ def _part_texture(
     material: Material,
     part: str,
     seed: int,
+    fineness: int,
 ) -> Texture:
     """The texture of a part of the workcell, with the brightness that floor and walls have."""
     size, count = _SURFACES[part]
+    count *= fineness
     texels = _texture(material, count, size, seed)
     if part == "walls":
         texels, light = (
@@ -189,7 +229,7 @@ class Appearance:
         (n, n, 3), and those of objects (6 n, n, 3): six faces, one below the other."""
         self.by_geom: dict[int, GeomMaterial] = {}
         """Materials that differ from the model, by geom id."""
-        colours = [(r, g, b) for r, g, b, _ in model.geom_rgba.tolist()]
+        colours = _colours(model)
         self._add_objects(_objects(model), colours)
         for part in PARTS:
             material = look.parts.get(part)
@@ -198,13 +238,13 @@ class Appearance:
                 rgb = _WHITE if _hides_colour(material) else material.colour
                 geoms = _geoms_of(model, part, colours)
                 self.by_geom |= dict.fromkeys(geoms, GeomMaterial(rgb, number))
-        self._pieces = [_as_geom(piece) for piece in pieces(look.clutter, look.seed)]
+        self.pieces = [_as_geom(piece) for piece in pieces(look.clutter, look.seed)]
         self._first_material, self._first_texture = model.nmat, model.ntex
         self._cameras = {
             model.camera(name).id: offset for name, offset in look.cameras.items()
         }
         ambient = np.mean(model.vis.headlight.ambient)
-        self._emission = (
+        self.ambient_share = (
             None if look.ambient is None else float(np.mean(look.ambient) / ambient)
         )
 
@@ -232,7 +272,7 @@ class Appearance:
             return None
         seed = self.look.seed
         texels = (
-            _part_texture(material, part, seed)
+            _part_texture(material, part, seed, _FINENESS.get(self.look.renderer, 1))
             if part
             else _object_texture(material, seed)
         )
@@ -241,10 +281,14 @@ class Appearance:
 
     def aim(self, scene: mujoco.MjvScene, camera: int) -> None:
         """Move the lenses of a scene that the engine has just put where a camera is."""
+        for lens in scene.camera:
+            self.aim_lens(lens, camera)
+
+    def aim_lens(self, lens: mujoco.MjvGLCamera, camera: int) -> None:
+        """Move a lens that is where a camera is."""
         offset = self._cameras.get(camera)
         if offset:
-            for lens in scene.camera:
-                _move(lens, offset)
+            _move(lens, offset)
 
     def apply(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...]) -> None:
         """Change a scene that the engine has just made, all but its shapes and where they are.
@@ -264,9 +308,9 @@ class Appearance:
                 geom.texid = self._first_texture + material.texture
                 # A mesh may have coordinates for a texture of its own.
                 geom.texcoord = 0
-            if self._emission is not None:
-                geom.emission *= self._emission
-        for piece in self._pieces:
+            if self.ambient_share is not None:
+                geom.emission *= self.ambient_share
+        for piece in self.pieces:
             geom = geoms[scene.ngeom]
             mujoco.mjv_initGeom(geom, *piece)
             # The engine leaves these as they were in the memory.

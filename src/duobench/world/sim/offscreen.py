@@ -155,7 +155,7 @@ class OffscreenRenderer:
         self._view = mujoco.MjvCamera()
         self._size = height, width
         self._set_size(self._size)
-        self._offsets = _offsets(samples)
+        self._offsets = lens_offsets(samples)
         self._appearance: Appearance | None = None
 
     def make_current(self) -> None:
@@ -264,7 +264,7 @@ class OffscreenRenderer:
         for pixel_x, pixel_y, light_u, light_v in self._offsets:
             self._update(data, request)
             for lens in self._scene.camera:
-                _shift_lens(lens, self._pixels.shape, pixel_x, pixel_y)
+                shift_lens(lens, self._pixels.shape, pixel_x, pixel_y)
             for light in self._scene.lights:
                 if light.castshadow:
                     _shift_light(light, radius, light_u, light_v)
@@ -338,7 +338,7 @@ class OffscreenRenderer:
         """Put lenses where the engine has none, or where the look has them."""
         if request.pose is not None:
             for lens in self._scene.camera:
-                _place(lens, request.pose, request.fovy)
+                place_lens(lens, request.pose, request.fovy)
         elif self._appearance is not None:
             self._appearance.aim(self._scene, request.number)
 
@@ -368,7 +368,7 @@ class OffscreenRenderer:
         self._mujoco_context.shadowFBO, self._mujoco_context.shadowSize = self._shadows
 
 
-def _offsets(samples: int) -> NDArray[np.float64]:
+def lens_offsets(samples: int) -> NDArray[np.float64]:
     """Offsets (samples, 4) of pixel x and y and light u and v, in [-1/2, 1/2) and evenly spread.
 
     The additive recurrence with powers of the inverse of the root of x^5 = x + 1 fills four
@@ -379,7 +379,7 @@ def _offsets(samples: int) -> NDArray[np.float64]:
     return (0.5 + np.arange(samples)[:, None] * steps) % 1.0 - 0.5
 
 
-def _place(lens: mujoco.MjvGLCamera, pose: SE3, fovy: float) -> None:
+def place_lens(lens: mujoco.MjvGLCamera, pose: SE3, fovy: float) -> None:
     """Put a lens where no camera of the model is; its near and far planes stay."""
     lens.pos[:] = pose.translation
     lens.forward[:], lens.up[:] = -pose.rotation[:, 2], pose.rotation[:, 1]
@@ -401,7 +401,7 @@ def _metres(
     return np.where(depth > 0.0, distances, 0.0).astype(np.float32)
 
 
-def _shift_lens(
+def shift_lens(
     lens: mujoco.MjvGLCamera, shape: tuple[int, ...], x: float, y: float
 ) -> None:
     """Look by parts of a pixel further to the right and up."""

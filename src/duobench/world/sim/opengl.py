@@ -30,6 +30,8 @@ ASKED = "MUJOCO_GL"
 """Environment variable with which people choose what renders, for MuJoCo and for us."""
 BACKENDS = ("egl", "osmesa")
 """Libraries that render without a display, best first: all that we take."""
+VULKAN = "vulkan"
+"""What renders the looks of the studio; it takes no library of `BACKENDS`."""
 CHOSEN = "DUOBENCH_GL"
 """Environment variable that carries the choice to child processes, so that they need not probe."""
 PROBE_TIMEOUT_S = 30.0

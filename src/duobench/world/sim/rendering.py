@@ -1,8 +1,8 @@
 """Images of a simulation, rendered offscreen.
 
-The first image starts a process that renders; OpenGL is never loaded into this one. An image shows
-the whole field of view of its camera at every size, so a square image is the native one
-squeezed to a square.
+The first image starts a process that renders; OpenGL is never loaded into this one. Looks of the
+studio have another process, whose renderer gives colours only. An image shows the whole field of
+view of its camera at every size, so a square image is the native one squeezed to a square.
 """
 
 import math
@@ -17,21 +17,32 @@ from numpy.typing import NDArray
 from duobench.core.backend import KINDS, RGB, Image, Wanted
 from duobench.core.errors import RenderingError, check_known
 from duobench.core.spatial import SE3
-from duobench.world.looks.look import Look
+from duobench.world.looks.look import CLASSIC, STUDIO, Look
 from duobench.world.robot.cameras import Camera, check_image_size
 from duobench.world.scene.naming import flange_name
 from duobench.world.sim.appearance import Appearance
 from duobench.world.sim.offscreen import FREE, CameraRequest
-from duobench.world.sim.opengl import RenderingInfo, choose
+from duobench.world.sim.opengl import VULKAN, RenderingInfo, choose
 from duobench.world.sim.rendering_process import Pictured, RenderingProcess, current
 
 MAX_SAMPLES = 64
 """Most images that are averaged into one."""
 
 
-def describe() -> RenderingInfo:
-    """Say what renders images for this process; starts what renders, to find out."""
-    return current(choose()).info
+def describe(renderer: str = CLASSIC) -> RenderingInfo:
+    """Say what renders a look's images for this process; starts what renders, to find out."""
+    return current(VULKAN if renderer == STUDIO else choose()).info
+
+
+class _Counterpart:
+    """Counterpart of a renderer in a process that renders."""
+
+    def __init__(self) -> None:
+        self.process: RenderingProcess | None = None
+        self.key = 0
+        self.shown: list[Any] = [None, None]
+        """Last told to the process: what the model shows, and the look."""
+        self.free: weakref.finalize[Any, Any] | None = None
 
 
 class Renderer:
@@ -69,11 +80,8 @@ class Renderer:
         self._shape = height, width, samples
         self._pictured = Pictured(model)
         self._closed = False
-        self._process: RenderingProcess | None = None
-        self._key = 0
-        self._shown: list[Any] = [None, None]
-        """Last told to the process: what the model shows, and the look."""
-        self._free: weakref.finalize[Any, Any] | None = None
+        self._counterparts = {CLASSIC: _Counterpart(), STUDIO: _Counterpart()}
+        """By the name of the renderer."""
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())
 
@@ -111,20 +119,22 @@ class Renderer:
         int32, numbers of geoms, or `FURNITURE` or `NOTHING`. Samples and what a look does to images
         leave both alone: each pixel is what its middle shows.
         """
-        asked: dict[tuple[Any, tuple[int, int]], list[str]] = {}
+        asked: dict[tuple[Any, tuple[int, int], str], list[str]] = {}
         for kind in KINDS:
+            renderer = self._look.renderer if kind == RGB else CLASSIC
             for camera, size in wanted.get(kind, {}).items():
-                asked.setdefault((camera, size), []).append(kind)
-        requests = [
-            self._request(data, camera, size, tuple(kinds))
-            for (camera, size), kinds in asked.items()
-        ]
+                asked.setdefault((camera, size, renderer), []).append(kind)
+        requests: dict[str, list[CameraRequest]] = {}
+        for (camera, size, renderer), kinds in asked.items():
+            request = self._request(data, camera, size, tuple(kinds))
+            requests.setdefault(renderer, []).append(request)
         found: dict[str, dict[str, Any]] = {
             kind: {} for kind in KINDS if wanted.get(kind)
         }
-        for name, images in self._ask("render", data, requests).items():
-            for kind, image in images.items():
-                found[kind][name] = image
+        for renderer, some in requests.items():
+            for name, images in self._ask("render", data, some, renderer).items():
+                for kind, image in images.items():
+                    found[kind][name] = image
         return found
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
@@ -138,14 +148,15 @@ class Renderer:
     @property
     def info(self) -> RenderingInfo:
         """Renderer of the images."""
-        return self._opened().info
+        return self._opened(self._look.renderer)[0].info
 
     def close(self) -> None:
         """Free the renderer; closing twice is harmless."""
         self._closed = True
-        self._process = None
-        if self._free is not None:
-            self._free()
+        for served in self._counterparts.values():
+            served.process = None
+            if served.free is not None:
+                served.free()
 
     def __enter__(self) -> Self:
         return self
@@ -185,33 +196,36 @@ class Renderer:
         what: str,
         data: mujoco.MjData,
         cameras: Any,
+        renderer: str = CLASSIC,
     ) -> Any:
-        """Have the process do something with a state, of the model and in the look as they are."""
-        process = self._opened()
+        """Have a process do something with a state, of the model and in the look as they are."""
+        process, served = self._opened(renderer)
         model = self._pictured.of_model()
-        if model != self._shown[0]:
-            process.ask("set_model", self._key, *model)
-            self._shown[0] = model
-        if self._appearance is not self._shown[1]:
-            process.ask("set_appearance", self._key, self._appearance)
-            self._shown[1] = self._appearance
-        return process.ask(what, self._key, *self._pictured.of_data(data), cameras)
+        if model != served.shown[0]:
+            process.ask("set_model", served.key, *model)
+            served.shown[0] = model
+        if self._appearance is not served.shown[1]:
+            process.ask("set_appearance", served.key, self._appearance)
+            served.shown[1] = self._appearance
+        return process.ask(what, served.key, *self._pictured.of_data(data), cameras)
 
-    def _opened(self) -> RenderingProcess:
-        """The process of this renderer, which is made there if it is not there yet, or no more."""
+    def _opened(self, renderer: str) -> tuple[RenderingProcess, _Counterpart]:
+        """The process of a renderer, and this one's counterpart there, made if it is missing."""
         if self._closed:
             raise RenderingError("This renderer was closed; make a new one.")
-        if self._process is not None and self._process is current():
-            return self._process
-        process = current(choose())
+        served = self._counterparts[renderer]
+        vulkan = VULKAN if renderer == STUDIO else None
+        if served.process is not None and served.process is current(vulkan):
+            return served.process, served
+        process = current(vulkan or choose())
         packed = np.empty(mujoco.mj_sizeModel(self._model), dtype=np.uint8)
         mujoco.mj_saveModel(self._model, None, packed)
-        self._shown = [self._pictured.of_model(), None]
-        self._key = process.new_number()
-        process.ask("open", self._key, packed.tobytes(), *self._shape)
-        if self._free is not None:
-            self._free.detach()
-        self._free = weakref.finalize(self, process.free, self._key)
-        self._free.atexit = False
-        self._process = process
-        return process
+        served.shown = [self._pictured.of_model(), None]
+        served.key = process.new_number()
+        process.ask("open", served.key, packed.tobytes(), *self._shape)
+        if served.free is not None:
+            served.free.detach()
+        served.free = weakref.finalize(self, process.free, served.key)
+        served.free.atexit = False
+        served.process = process
+        return process, served

@@ -5,7 +5,8 @@ good, with the interpreter held: no time limit and no Ctrl-C would act. A driver
 process as well. So images come from a child process of our own, one for each process that asks for
 any. The child ends with its parent.
 
-A renderer of another kind has its place in `_Served.open`.
+Each of the two kinds of renderers has a process of its own: Vulkan ends the process in which it
+fails.
 """
 
 import atexit
@@ -20,19 +21,21 @@ import sys
 import threading
 from collections import deque
 from contextlib import suppress
+from importlib import import_module
 from operator import attrgetter
-from typing import Any
+from typing import IO, Any
 
 import mujoco
 import numpy as np
 
 from duobench.core.errors import RenderingError
-from duobench.core.machine import watch_parent
+from duobench.core.machine import VULKAN_PACKAGES, watch_parent
 from duobench.core.types import Array
 from duobench.world.sim.appearance import Appearance
 from duobench.world.sim.offscreen import CameraRequest, OffscreenRenderer
 from duobench.world.sim.opengl import (
     ASKED,
+    VULKAN,
     RenderingInfo,
     child_environment,
     choose,
@@ -47,9 +50,16 @@ _SLICE_S = 0.25
 """The limit is counted in such parts; one in which this process was stopped is one."""
 ROOM = 128 << 20
 """Bytes of the largest message; memory is taken as it is needed."""
+_ADVICE = {
+    False: f"without the card: {ASKED}=osmesa",
+    True: "in a look that the classic renderer shows",
+}
+"""Where else to render, and whether that is said of Vulkan."""
 _HEAD = 8
 """Bytes that say how long a message is."""
 _MODEL = "model.mjb"
+_STUDIO = "duobench.world.sim.studio"
+"""The other renderer, whose libraries only its own process opens."""
 _FAMILIES = ("geom", "mat", "light", "cam")
 _STRUCTS = ("stat", "vis.global_", "vis.headlight", "vis.map")
 """Fields of a model that an image depends on, and that may change while it is simulated."""
@@ -176,6 +186,8 @@ class RenderingProcess:
         code += "from duobench.world.sim.rendering_process import serve; "
         code += f"serve({backend!r}, {os.getpid()})"
         self.backend = backend
+        self._errors: IO[bytes] | None = None
+        """What a process with Vulkan writes until it is seen to work."""
         self._lock = threading.Lock()
         self._freed: deque[int] = deque()
         self._last = 0
@@ -187,11 +199,14 @@ class RenderingProcess:
                 os.ftruncate(memory, ROOM)
                 socket.send_fds(ours, [b"memory"], [memory])
                 self._channel = _RenderChannel(ours, memory)
+                if backend == VULKAN:
+                    self._errors = os.fdopen(os.memfd_create("duobench-errors"), "w+b")
                 self._process = subprocess.Popen(
                     [sys.executable, "-c", code],
                     env=child_environment(backend),
                     stdin=theirs.fileno(),
                     stdout=subprocess.DEVNULL,
+                    stderr=self._errors,
                 )
         except (
             OSError,
@@ -205,6 +220,7 @@ class RenderingProcess:
         except BaseException:
             self.end()
             raise
+        self._forget_errors()
 
     @property
     def is_running(self) -> bool:
@@ -236,12 +252,14 @@ class RenderingProcess:
                 raise RenderingError(
                     f"No image came within {FRAME_TIMEOUT_S:g} s: the graphics driver hangs. Some "
                     "do when several processes render on one card at the same time. Render in "
-                    f"fewer processes, or without the card: {ASKED}=osmesa."
+                    f"fewer processes, or {_ADVICE[self.backend == VULKAN]}."
                 ) from None
             except (OSError, EOFError):
+                if self._errors is not None:
+                    raise self._without_vulkan(self._errors) from None
                 raise RenderingError(
                     f"The process that renders {self._end_in_words()}. The next image comes from a "
-                    f"new one. If that ends too, try {ASKED}=osmesa, which needs no graphics card."
+                    f"new one. If that ends too, render {_ADVICE[self.backend == VULKAN]}."
                 ) from None
             except BaseException:
                 self.end()
@@ -263,6 +281,24 @@ class RenderingProcess:
         with suppress(subprocess.TimeoutExpired):  # a driver may keep it from dying
             self._process.wait(1.0)
         self._channel.close()
+        self._forget_errors()
+
+    def _forget_errors(self) -> None:
+        if self._errors is not None:
+            self._errors.close()
+            self._errors = None
+
+    def _without_vulkan(self, errors: IO[bytes]) -> RenderingError:
+        """Error of a process in which Vulkan failed, by what it wrote before it ended."""
+        errors.seek(0)
+        lines = errors.read().decode(errors="replace").splitlines()
+        end = self._end_in_words()
+        reasons = [line for line in lines if line.startswith("reason:")] or lines[-1:]
+        reason = reasons[0].removeprefix("reason:").strip() if reasons else end
+        return RenderingError(
+            f"Looks by the renderer 'studio' need Vulkan, and it does not work here ({reason}). "
+            f"Debian, Ubuntu: apt-get install {VULKAN_PACKAGES}. Every other look needs none."
+        )
 
     def _end_in_words(self) -> str:
         with suppress(subprocess.TimeoutExpired):
@@ -274,8 +310,9 @@ class RenderingProcess:
         return f"ended with exit code {code}"
 
 
-_PROCESSES: dict[int, RenderingProcess] = {}
-"""The rendering process of a process, by its number: a forked one inherits what is not its own."""
+_PROCESSES: dict[tuple[int, bool], RenderingProcess] = {}
+"""The rendering processes of a process, by its number (a forked one inherits what is not its own),
+and by whether they render with Vulkan."""
 _LOCKS: dict[int, threading.Lock] = {}
 
 
@@ -283,24 +320,26 @@ def current(backend: str | None = None) -> RenderingProcess:
     """Rendering process of this process, started unless it runs already.
 
     Args:
-        backend: What it renders with, if that matters.
+        backend: What it renders with; None for any library of OpenGL.
     """
     own = os.getpid()
+    kind = own, backend == VULKAN
     with _LOCKS.setdefault(own, threading.Lock()):
-        process = _PROCESSES.get(own)
+        process = _PROCESSES.get(kind)
         if process and process.is_running and backend in (None, process.backend):
             return process
         if process:
             process.end()
-        _PROCESSES[own] = RenderingProcess(backend or choose())
-        return _PROCESSES[own]
+        _PROCESSES[kind] = RenderingProcess(backend or choose())
+        return _PROCESSES[kind]
 
 
 @atexit.register
 def _end_own() -> None:
-    process = _PROCESSES.pop(os.getpid(), None)
-    if process:
-        process.end()
+    for with_vulkan in (False, True):
+        process = _PROCESSES.pop((os.getpid(), with_vulkan), None)
+        if process:
+            process.end()
 
 
 def serve(backend: str, parent: int) -> None:
@@ -324,8 +363,8 @@ class _Served:
 
     def __init__(self, backend: str) -> None:
         self._backend = backend
-        self._scenes: dict[int, tuple[OffscreenRenderer, mujoco.MjData, Pictured]] = {}
-        self._current: OffscreenRenderer | None = None
+        self._scenes: dict[int, tuple[Any, mujoco.MjData, Pictured]] = {}
+        self._current: Any = None
 
     def answer(
         self,
@@ -345,6 +384,8 @@ class _Served:
 
     def info(self) -> RenderingInfo:
         """Library, renderer and driver in use."""
+        if self._backend == VULKAN:
+            return import_module(_STUDIO).studio_info()
         context = open_context(self._backend, 1, 1)
         info = info_of(self._backend)
         context.free()
@@ -356,7 +397,11 @@ class _Served:
         """Make the renderer of a model."""
         model = mujoco.MjModel.from_binary_path(_MODEL, {_MODEL: packed})
         self._current = None
-        renderer = OffscreenRenderer(model, height, width, samples, self._backend)
+        shape = height, width, samples
+        if self._backend == VULKAN:
+            renderer = import_module(_STUDIO).StudioRenderer(model, *shape)
+        else:
+            renderer = OffscreenRenderer(model, *shape, self._backend)
         self._scenes[number] = renderer, mujoco.MjData(model), Pictured(model)
         self._current = renderer
 
@@ -399,7 +444,7 @@ class _Served:
             self._current = None
             del self._scenes[number]
 
-    def _renderer(self, number: int) -> OffscreenRenderer:
+    def _renderer(self, number: int) -> Any:
         """A renderer, with its context current."""
         renderer = self._scenes[number][0]
         if renderer is not self._current:
