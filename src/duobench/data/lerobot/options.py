@@ -208,7 +208,10 @@ class ExportImages:
             )
         for name in map(name_of, self.cameras):
             if name in self.depth_of:
-                raise DataError(f"Depth of another camera is called {name!r} here.")
+                raise DataError(
+                    f"Depth of another camera is called {name!r} here; give this one another "
+                    f"name, such as 'my_{name}'."
+                )
         for name, size in self.videos.items():
             _checked_size(
                 size, LEAST_DEPTH_SIZE if name in self.depth_of else LEAST_SIZE
