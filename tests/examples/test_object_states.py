@@ -35,7 +35,8 @@ from tests.docs.markdown import ROOT
 
 EXAMPLES = ROOT / "examples" / "object_states"
 TASK = "carry_pot"
-EXPORT = ("--per-task", "--cameras", "none", "--object-state", "--action", "cartesian")
+EXPORT = ("--per-task", "--after-success", "--cameras", "none", "--object-state")
+EXPORT += ("--action", "cartesian")
 
 
 def run(*words: str, folder: Path) -> str:

@@ -51,7 +51,7 @@ def test_every_episode_is_replayed_to_the_last_bit(data: DataSet) -> None:
 
 @pytest.mark.parametrize("action", ["joint", "cartesian_relative"])
 def test_it_is_exported_in_every_mode(data: DataSet, tmp_path: Path, action: str) -> None:
-    options = ExportOptions(cameras=(), action=action)
+    options = ExportOptions(cameras=(), action=action, after_success=True)
     exported = export_lerobot(data, tmp_path / "out", options, workers=0)
     assert exported.episodes == len(TASKS) * EPISODES
     assert exported.frames == sum(map(len, data.recordings()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -21,7 +22,22 @@ if TYPE_CHECKING:
     from duobench.evaluation.runners.evaluations import Attempt
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EpisodesRecorded:
+    """Which episodes are recorded."""
+
+    episodes: int = 50
+    """Episodes of each task."""
+    first: int = 0
+    """Index of the first one; seeds follow from task and index alone, so that folders with other
+    indices hold other episodes. A folder goes on from the one it was begun with."""
+    split: Literal["train", "eval"] = "train"
+    """Layouts to begin with. Those of eval are the ones that policies are evaluated on: a policy
+    that learns from them cannot be evaluated any more."""
+
+
 _LIMITS = TimeLimits()
+_EPISODES = EpisodesRecorded()
 
 
 def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -29,10 +45,8 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     policy: str = "expert",
     variety: Literal["none", "human", "wide"] = "human",
     tasks: tuple[str, ...] = (),
-    episodes: int = 50,
-    first: int = 0,
+    which: tyro.conf.OmitArgPrefixes[EpisodesRecorded] = _EPISODES,
     workers: int = 1,
-    split: Literal["train", "eval"] = "train",
     instructions: Literal["fixed", "varied"] = "fixed",
     keep_failures: bool = False,
     after_success: float = 1.0,
@@ -49,12 +63,8 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         variety: How much the scripted experts vary their speed, ways and grasps, and are disturbed;
             only they know how to.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
-        episodes: Episodes of each task.
-        first: Index of the first one; seeds follow from task and index alone, so that folders with
-            other indices hold other episodes. A folder goes on from the one it was begun with.
+        which: Which episodes are recorded.
         workers: Processes that play side by side.
-        split: Layouts to begin with. Those of eval are the ones that policies are evaluated on:
-            a policy that learns from them cannot be evaluated any more.
         instructions: What the policy is told and the data set says: the task's own instruction, or
             in each episode one that is sampled from it and ten paraphrases.
         keep_failures: Keep every episode, whether it succeeds or not.
@@ -81,9 +91,9 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             name,
             find_tasks(tasks),
             DataSet.open(out, how=f"duobench record --policy {name}"),
-            episodes=episodes,
-            first=first,
-            split=split,
+            episodes=which.episodes,
+            first=which.first,
+            split=which.split,
             instructions=instructions,
             keep_failures=keep_failures,
             after_success=after_success,

@@ -191,6 +191,14 @@ def _digest(**values: object) -> str:
     return hashlib.sha256(pack(values)).hexdigest()
 
 
+def _digest_of_objects(reference: str) -> str:
+    """Digest of a task's objects; of those that cannot be built, their episodes say so."""
+    try:
+        return digest_of(catalog.get(reference).props)
+    except Exception:  # noqa: BLE001 - it is the task's, and told when it is played
+        return "cannot be built"
+
+
 class EpisodeRunner:
     """Plays episodes with one policy, one after the other; environments are made when needed.
 
@@ -239,10 +247,7 @@ class EpisodeRunner:
         )
         references = [task.reference for task in job.suite.tasks]
         own = sorted({each for each in references if ":" in each})
-        with before_policy(", ".join(own)):
-            objects = {
-                f"objects of {each}": digest_of(catalog.get(each).props) for each in own
-            }
+        objects = {f"objects of {each}": _digest_of_objects(each) for each in own}
         modules = {each.partition(":")[0] for each in own}
         self.run = Run(
             candidates=(candidate,),
