@@ -47,7 +47,13 @@ DRAWERS: Mapping[str, Drawer] = {
                 "teleoperation_controls",
                 "lerobot_teleoperation",
             ),
-            "Train and serve": ("lerobot", "lerobot_policies", "serving"),
+            "Train and serve": (
+                "lerobot",
+                "lerobot_policies",
+                "authors_data",
+                "own_learners",
+                "serving",
+            ),
             "Evaluate, compare, verify, publish": (
                 "evaluation",
                 "comparison",

@@ -18,7 +18,8 @@ SURFACE = {
     "duobench.data": """
         ActionSource Actor ActorKind DataSet EpisodeInfo ExportOptions Exported
         ImageSource Outcome Pairing Problem Recorder Recording Summary
-        export_lerobot find_problems merge split summarize write_page
+        Transitions VideoCodec
+        export_lerobot find_problems merge split summarize transitions write_page
     """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BatchEnv BinaryGripper Cameras CartesianActions ClosedEnvError
@@ -155,6 +156,7 @@ OFFERED = """
     duobench.core.spatial
     duobench.core.types
     duobench.envs.action_labels
+    duobench.envs.state_labels
     duobench.envs.duo_env
     duobench.envs.execution
     duobench.envs.observation_wrappers
@@ -175,6 +177,7 @@ OFFERED = """
     duobench.tasks.experts.expert
     duobench.tasks.experts.handling
     duobench.tasks.experts.motion
+    duobench.tasks.object_state
     duobench.teleop.hands
     duobench.teleop.leaders.device
     duobench.teleop.leaders.lerobot_source

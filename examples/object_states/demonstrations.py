@@ -1,7 +1,8 @@
 """Demonstrations with object states: read from an export, and what a policy sees of them.
 
 An export is made by `duobench export lerobot DATA --out OUT --per-task --cameras none
---object-state --action cartesian` (or `joint`); it needs neither LeRobot nor PyTorch to be read.
+--object-state --after-success --action cartesian` (or `joint`); it needs neither LeRobot nor
+PyTorch to be read.
 """
 
 from __future__ import annotations

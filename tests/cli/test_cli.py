@@ -257,6 +257,12 @@ def test_render_shows_depth_and_parts_of_a_camera_of_ones_own(tmp_path: Path, to
             assert len(np.unique(np.array(image).reshape(-1, 3), axis=0)) > 3
 
 
+def test_two_cameras_of_one_name_are_not_rendered_into_one_file(tmp_path: Path) -> None:
+    side = '{"name": "side", "position": [0.5, 1.2, 0.5], "look_at": [0.5, 0, 0]}'
+    words = ["--cameras", side, side.replace("1.2", "1.3"), "--out", str(tmp_path / "renders")]
+    assert "Two cameras are called 'side'" in refusal("render", toy_tasks.WAVE_NAME, *words)
+
+
 def test_doctor_tells_versions_and_graphics(told: Told) -> None:
     out = told("doctor")
     assert {line.split()[0] for line in out.splitlines()[:-1]} <= {"ok", "note"}

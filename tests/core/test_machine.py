@@ -38,6 +38,7 @@ OTHERS = {
     "duckdb",
     "torch",
     "pyarrow",
+    "h5py",
     "stable-baselines3",
     "gymnasium",
     "tensorboard",

@@ -102,6 +102,7 @@ def test_recordings_of_a_task_are_a_table_for_the_hub(two_tasks: DataSet) -> Non
         ),
         pytest.param({"cameras": ()}, False, None, marks=pytest.mark.long),
         pytest.param({"format": "v2.1"}, False, None, marks=pytest.mark.long),
+        pytest.param({"every": 3, "codec": "h264"}, False, None, marks=pytest.mark.long),
         pytest.param({"state": ("joint_velocity",)}, False, None, marks=pytest.mark.long),
     ],
 )

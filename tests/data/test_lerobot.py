@@ -467,7 +467,7 @@ def fill_a_disk(folder: Path, size: int) -> None:
     frame = np.random.default_rng(0).integers(0, 255, (128, 128, 3), dtype=np.uint8)
     try:
         with room(size):
-            write_videos((dict.fromkeys("ab", frame) for _ in range(40)), paths)
+            write_videos((dict.fromkeys("ab", frame) for _ in range(40)), paths, SMALL)
     except OutputError as error:
         sys.stdout.write(str(error))
 

@@ -20,7 +20,7 @@ RUN_BY = {
     "tests/docs/test_first_teleoperation.py": "teleoperation: none",
     "tests/docs/test_real_pages.py": "real_arms: sh python json; real_cameras: python; "
     "real_evaluation: sh; real_recording: sh; real_safety: python; real_setup: sh python",
-    "tests/docs/test_shown.py": "object_states: sh python; "
+    "tests/docs/test_shown.py": "object_states: sh python; own_learners: sh python; "
     "publish: sh; recording: sh python; robustness: sh; scale: sh; teleoperation: python toml; "
     "verification: sh python",
     "tests/ecosystem/test_pages.py": "environments: python; reinforcement_learning: python",

@@ -83,6 +83,11 @@ def test_golden_episodes_are_the_same(
 
 SIDE = Camera(name="side", position=(0.5, 1.2, 0.6), look_at=(0.5, 0.0, 0.0))
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    "poses": {"action_mode": "cartesian", "binary_gripper": True, "reward": "dense"},
+    "shifts of poses": {"action_mode": "cartesian_relative", "speed_fraction": 0.5},
+    "chunks": {"chunk": 3, "horizon": 7, "reward": "dense"},
+    "chunks of poses": {"action_mode": "cartesian", "chunk": 9, "binary_gripper": True},
+    "chunks of shifts": {"action_mode": "cartesian_relative", "chunk": 2},
     "displacements": {"action_mode": "joint_relative", "speed_fraction": 0.3, "reward": "progress"},
     "grippers": {"binary_gripper": True, "object_state": True, "split": "train"},
     "images": {"cameras": ("head", "left_wrist"), "image_size": (24, 32), "look": "dark"},
@@ -398,21 +403,102 @@ def test_rendering_shows_each_episode(several: Callable[..., BatchEnv]) -> None:
         assert np.array_equal(vector.render()[1], env.render())
 
 
+@pytest.mark.parametrize("chunk", [None, 2])
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_gymnasium_finds_what_it_finds_in_environments_of_their_own(
+    several: Callable[..., BatchEnv], mode: AutoresetMode, chunk: int | None
+) -> None:
+    options: dict[str, Any] = {
+        "horizon": 3,
+        "chunk": chunk,
+        "cameras": False,
+        "action_mode": "cartesian_relative",
+        "vector_kwargs": {"autoreset_mode": mode},
+    }
+    vectors: list[Any] = [
+        several(threads=None, **options),
+        duobench.make_vec(TASK, COUNT, "sync", **options),
+    ]
+    results = [[vector.reset(seed=SEED)] for vector in vectors]
+    action = np.tile(vectors[1].call("hold_action")[0], (COUNT, chunk or 1, 1))
+    is_over = False
+    for step in range(5):
+        action[1, :, :3] = 0.004 * step
+        for vector, seen in zip(vectors, results, strict=True):
+            if is_over and mode is AutoresetMode.DISABLED:
+                seen.append(vector.reset(options={"reset_mask": np.ones(COUNT, dtype=bool)}))
+            else:
+                seen.append(vector.step(action.reshape(vector.action_space.shape)))
+        is_over = bool(results[0][-1][3].all()) if len(results[0][-1]) > 2 else False
+        assert vectors[0].call("state_hash") == vectors[1].call("state_hash")
+    for batched, own in zip(*results, strict=True):
+        assert equal(batched[0], own[0])
+        assert equal(batched[1:-1], own[1:-1])
+        check_info(batched[-1], own[-1])
+    for name in ("task_description", "segmentation_ids", "_max_episode_steps"):
+        assert vectors[0].get_attr(name) == vectors[1].get_attr(name)
+    vectors[1].close()
+
+
+def check_info(found: Any, expected: Any) -> None:
+    """Info says what that of environments of their own says; the seed more often."""
+    for key, value in expected.items():
+        if isinstance(value, Mapping):
+            check_info(found[key], value)
+        elif key == "final_obs":
+            assert all(map(equal, found[key], value))
+        elif not str(key).startswith("_"):
+            told = expected[f"_{key}"]
+            assert np.array_equal(found.get(f"_{key}", told), told), key
+            assert np.array_equal(found[key][told], value[told]), key
+
+
+def test_what_one_environment_stands_for_cannot_be_told_apart(
+    several: Callable[..., BatchEnv],
+) -> None:
+    vector = several()
+    assert vector.call("task_description") == (catalog.get(TASK).instruction,) * COUNT
+    vector.reset(seed=SEED)
+    before = vector.save_state(1).hash
+    with pytest.raises(OptionError, match=r"step moves an episode.*sync"):
+        vector.call("step", waves(3)[2])
+    assert vector.save_state(1).hash == before
+    vector.set_attr("note", ["a"] * COUNT)
+    assert vector.get_attr("note") == ("a",) * COUNT
+    for wrong in ([1, 2], [1]):
+        with pytest.raises(OptionError, match="note is one value for all 2 episodes"):
+            vector.set_attr("note", wrong)
+
+
+@pytest.mark.parametrize(
+    ("options", "kind"),
+    [
+        ({}, BatchEnv),
+        ({"action_mode": "cartesian", "chunk": 3, "layouts": 2}, BatchEnv),
+        ({"cameras": (name for name in ["head"]), "shift": "look-2"}, BatchEnv),
+        ({"shift": "physics-1"}, gym.vector.SyncVectorEnv),
+        ({"cameras": (name for name in ["head"]), "shift": "sensing-1"}, gym.vector.SyncVectorEnv),
+        ({"vector_kwargs": {"copy": False}}, gym.vector.SyncVectorEnv),
+        ({"vectorization_mode": "sync"}, gym.vector.SyncVectorEnv),
+    ],
+)
+def test_the_usual_way_is_the_fastest_that_the_options_allow(
+    options: dict[str, Any], kind: type[gym.vector.VectorEnv]
+) -> None:
+    with closing(duobench.make_vec(TASK, COUNT, **{"cameras": False, **options})) as vector:
+        assert type(vector) is kind
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ({"threads": 0}, "threads is a whole number from 1 on"),
         ({"threads": 2, "layouts": 0}, "layouts is a whole number from 1 on"),
-        ({"layouts": 3}, "belongs to threads"),
+        ({"layouts": 3, "vectorization_mode": "sync"}, "belongs to threads"),
+        ({"layouts": 3, "shift": "sensing-1"}, "belongs to threads"),
         ({"threads": 1, "vectorization_mode": "async"}, "leave vectorization_mode"),
         ({"threads": 1, "vector_kwargs": {"context": "fork"}}, "leave vectorization_mode"),
-        (
-            {"threads": 1, "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}},
-            "NEXT_STEP or DISABLED",
-        ),
         ({"threads": 1, "vector_kwargs": {"autoreset_mode": "disabled"}}, "an AutoresetMode"),
-        ({"threads": 1, "action_mode": "cartesian"}, "leave threads and engine out"),
-        ({"threads": 1, "chunk": 3}, "leave threads and engine out"),
         ({"threads": 1, "shift": "physics-1"}, "leave threads and engine out"),
         ({"threads": 1, "shift": "sensing-1"}, "leave threads and engine out"),
         ({"engine": "wrap"}, "one of mujoco, warp, .* got 'wrap'"),
@@ -446,9 +532,14 @@ def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEn
     vector.reset(seed=SEED)
     before, start = vector.save_state(1).hash, vector.save_state(0).layout
     nothing = np.where(np.arange(COUNT)[:, None] == 1, np.nan, actions)
+    posing = several(action_mode="cartesian", chunk=2)
+    posing.reset(seed=SEED)
+    poses = np.stack([np.tile(posing.call("hold_action")[0], (2, 1))] * COUNT)
+    poses[1, 1, 3:7] = 0.0
     wrong: tuple[tuple[Callable[[], Any], type[DuoBenchError], str], ...] = (
         (lambda: vector.step(nothing), ActionError, r"environments \[1\]"),
         (lambda: vector.step(actions[0]), ActionError, r"shape \(2, 16\)"),
+        (lambda: posing.step(poses), ActionError, r"quaternions .* of environments \[1\]"),
         (lambda: vector.reset(seed=[1]), OptionError, "one entry for each"),
         (lambda: vector.reset(seed=-1), OptionError, "from 0 on"),
         (lambda: vector.reset(options={"reset_mask": [1, 0]}), OptionError, "booleans"),

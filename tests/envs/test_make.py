@@ -96,6 +96,15 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
             assert made.get_wrapper_attr("config").depth == ("head", "left_wrist")
 
 
+def test_cameras_and_fields_of_one_may_be_numpys_and_are_kept_as_pythons() -> None:
+    side = {"name": "side", "position": np.array([0.5, 1.2, 0.6]), "look_at": [0.5, 0, 0]}
+    config = EnvConfig.from_options({"cameras": side | {"fovy_deg": np.float32(50), "size": 64}})
+    placed = {"position": (0.5, 1.2, 0.6), "look_at": (0.5, 0, 0)}
+    assert config.cameras == (Camera(name="side", fovy_deg=50, size=(64, 64), **placed),)
+    config = EnvConfig.from_options({"cameras": np.array(["head"]), "depth": np.str_("head")})
+    assert msgspec.json.encode([config.cameras, config.depth]) == b'[["head"],["head"]]'
+
+
 def test_cameras_of_ones_own_are_kept_by_specs() -> None:
     env = duobench.make(TASK, cameras=("head", SIDE), depth="side")
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
@@ -154,6 +163,12 @@ def test_what_images_there_are_follows_from_the_options() -> None:
         ({"cameras": {"hed": 64}}, UnknownNameError, "camera 'hed'.*Did you mean 'head'"),
         ({"cameras": {"head": 721}}, OptionError, "size of camera 'head'.*720.*721"),
         ({"cameras": {"head": (64,)}}, OptionError, "size of camera 'head'"),
+        *(
+            ({"cameras": {"head": 64}, "image_sizes": sizes}, OptionError, "image_sizes is sizes")
+            for sizes in (5, None)
+        ),
+        ({"cameras": {SIDE: 0}}, OptionError, "size of camera 'side'"),
+        ({"cameras": {"name": "side"}}, OptionError, "position, look_at is missing"),
         ({"cameras": (SIDE, SIDE)}, OptionError, "Two cameras are called 'side'.*'side_2'"),
         ({"cameras": (SIDE, "sid")}, UnknownNameError, "camera 'sid'.*Did you mean 'side'"),
         ({"cameras": [{"name": "a"}]}, OptionError, "camera.*position"),

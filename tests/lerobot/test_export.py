@@ -67,6 +67,7 @@ def test_columns_are_those_that_were_written(exported: Path, recordings: list[Re
 
 def test_frames_are_those_of_a_fresh_rendering(exported: Path, recordings: list[Recording]) -> None:
     dataset, first, worst = load(exported), 0, np.inf
+    shades = []
     for recording in recordings:
         images = ImageSource(recording.info.task)
         for step in range(len(recording)):
@@ -74,10 +75,12 @@ def test_frames_are_those_of_a_fresh_rendering(exported: Path, recordings: list[
             for camera, image in images.images(recording, step).items():
                 frame = item[f"observation.images.{camera}"].numpy().transpose(1, 2, 0)
                 error = np.mean((frame - image / 255) ** 2)
+                shades.append(255 * frame.mean(axis=(0, 1)) - image.mean(axis=(0, 1)))
                 worst = min(worst, -10 * np.log10(error))
         images.close()
         first += len(recording)
     assert worst > MIN_PSNR_DB
+    assert np.abs(np.mean(shades, axis=0)).max() < 0.8, "red, green, blue, of 255"
 
 
 def test_objects_and_tool_poses_are_columns_without_images(data: DataSet, tmp_path: Path) -> None:

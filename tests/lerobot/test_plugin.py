@@ -5,9 +5,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from lerobot.configs import FeatureType, PolicyFeature
 
 from duobench.cli import main
+from duobench.core.lerobot_keys import FEATURE_NAMES
 from duobench.core.randomness import episode_seed
+from duobench.envs.action_labels import POSE_LABELS
+from duobench.envs.state_labels import StatePart, names_of
+from duobench.tasks import catalog
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE
 from tests.lerobot.tools import HERE, run as run_program
@@ -46,7 +51,10 @@ def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory, checkpoint: Path) -> Path:
     """The folder of an evaluation by our runner."""
-    out = tmp_path_factory.mktemp("runs") / "run"
+    return played(checkpoint, tmp_path_factory.mktemp("runs") / "run")
+
+
+def played(checkpoint: Path, out: Path) -> Path:
     command = f"eval --tasks {TASK} --episodes {EPISODES} --workers 0 --videos 0".split()
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(HERE)
@@ -78,6 +86,31 @@ def test_lerobot_eval_finds_what_our_runner_finds(
     run: Path, checkpoint: Path, tmp_path: Path, batch: int
 ) -> None:
     found = evaluate(checkpoint, tmp_path / "out", f"--eval.batch_size={batch}")
+    check_same(found, run)
+
+
+@pytest.mark.parametrize("batch", [1, 2])
+def test_lerobot_eval_plays_tool_poses_and_object_states(tmp_path: Path, batch: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(HERE)
+        numbers = len(catalog.get(TASK).object_state.names)
+    state = names_of([StatePart.TCP_POSE])
+    seen = {
+        "observation.state": PolicyFeature(FeatureType.STATE, (len(state),)),
+        "observation.environment_state": PolicyFeature(FeatureType.ENV, (numbers,)),
+    }
+    told = {"action": PolicyFeature(FeatureType.ACTION, (len(POSE_LABELS),))}
+    folder = checkpoints.act(tmp_path / "act", input_features=seen, output_features=told)
+    names = {"action": POSE_LABELS, "observation.state": state}
+    (folder / FEATURE_NAMES).write_text(json.dumps(names))
+    options = ("--env.action=cartesian", "--env.state=[tcp_pose]", "--env.object_state=true")
+    several = ("--env.cameras=[]", f"--eval.batch_size={batch}")
+    found = evaluate(folder, tmp_path / "out", *options, *several)
+    check_same(found, played(folder, tmp_path / "run"))
+
+
+def check_same(found: dict, run: Path) -> None:
+    """LeRobot's program found what our runner did."""
     records = [json.loads(path.read_text()) for path in sorted(run.rglob("records/*/*/*.json"))]
     assert [record["seed"] for record in records] == [
         episode_seed("swing", number) for number in range(EPISODES)

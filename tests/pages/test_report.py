@@ -7,7 +7,8 @@ import pytest
 from PIL import Image
 
 from dev.tools.pages import DESKTOP, PHONE, VIEWS, View, measure, paper, screenshot, violations
-from duobench.core.video import VP9, write_video
+from duobench.core.codecs import VP9
+from duobench.core.video import write_video
 from duobench.policy import PolicyMetadata
 from duobench.results.journal import PARTS, EpisodeTimes
 from duobench.results.report import write_report

@@ -1,3 +1,4 @@
+from contextlib import nullcontext
 from typing import Any
 
 import gymnasium as gym
@@ -141,10 +142,29 @@ def test_a_policy_of_depth_and_a_camera_of_its_own_fits_what_shows_them() -> Non
         "it sees camera 'side', the environment shows head, side, elsewhere or with another lens",
         "it sees depth of camera 'side', the environment shows depth of head",
         "it sees segmentation of camera 'head', the environment shows segmentation of none",
-        "it sees images of (32, 32) of 'head', the environment's are (48, 48)",
+        "it sees images of (32, 32), the environment's are (48, 48) (head)",
         "depth=('side',), segmentation=('head',), image_sizes={'head': (32, 32)}",
     ):
         assert words in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("sees", "shown", "fits"),
+    [
+        ({"cameras": "head"}, {"cameras": {"head": 64, "left_wrist": 32}}, True),
+        ({"cameras": "head"}, {"cameras": {"head": 32}, "image_size": 64}, False),
+        ({"depth": "head"}, {"cameras": False, "depth": "head", "image_size": 64}, True),
+        ({"depth": "head"}, {"cameras": False, "depth": "head", "image_size": 32}, False),
+        ({"cameras": {**SIDE, "size": 32}}, {"cameras": {**SIDE, "size": 32}}, True),
+    ],
+    ids=str,
+)
+def test_sizes_are_compared_of_each_camera_that_a_policy_sees(
+    sees: dict[str, Any], shown: dict[str, Any], *, fits: bool
+) -> None:
+    env = duobench.make(TASK, **shown)
+    with nullcontext() if fits else pytest.raises(PolicyError, match=r"of .64, 64.*32.*head"):
+        check_fits(metadata(**sees, image_size=64), env)
 
 
 def test_a_first_policy_sees_what_an_environment_shows_by_default() -> None:
@@ -185,10 +205,9 @@ def test_every_problem_is_listed_with_an_environment_that_fits() -> None:
         check_fits(metadata(**wanted), other)
     assert str(refused.value) == (
         "Policy 'mine' does not fit the environment: it sees camera 'head', the environment shows "
-        "none; it sees images of (48, 64), the environment's are (224, 224); it reads the state of "
-        "the objects, which the environment does not show; its actions are 'cartesian', the "
-        "environment's 'joint'; it gives chunks of any length, the environment takes chunks of one "
-        "length. One that fits: duobench.make(task,"
+        "none; it reads the state of the objects, which the environment does not show; its "
+        "actions are 'cartesian', the environment's 'joint'; it gives chunks of any length, the "
+        "environment takes chunks of one length. One that fits: duobench.make(task,"
         " cameras=('head',), image_size=(48, 64), object_state=True, action_mode='cartesian')."
     )
     env = duobench.make(TASK, **wanted)  # as the advice says

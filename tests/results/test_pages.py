@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from duobench.core.video import VP9, write_video
+from duobench import Camera
+from duobench.core.codecs import VP9
+from duobench.core.video import write_video
 from duobench.envs.config import EnvConfig
 from duobench.policy import Batching, PolicyMetadata
 from duobench.results.folder import RunFolder
@@ -50,6 +52,16 @@ def test_a_run_is_told_by_everything_that_was_chosen() -> None:
             "Chunk": "30 actions",
             "Inference": "float16, cuda, dynamic batches of 4",
         }.items()
+    )
+
+
+def test_sizes_are_told_of_each_camera_that_is_seen_in_any_way() -> None:
+    side = Camera(name="side", position=(0.5, 1.2, 0.6), look_at=(0.5, 0, 0), size=(48, 64))
+    options = {"cameras": {"head": (16, 24), side: None}, "depth": ("head", "left_wrist")}
+    config = EnvConfig.from_options({**options, "image_size": 32})
+    facts = identity(part_of(sample_run(config=config)))
+    assert facts["Cameras"] == (
+        "head, 24 × 16 pixels; side, 64 × 48 pixels; left_wrist, 32 × 32 pixels"
     )
 
 

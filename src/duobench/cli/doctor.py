@@ -194,7 +194,8 @@ def _figures() -> Iterator[Check]:
 
 
 def _videos() -> Iterator[Check]:
-    from duobench.core.video import AV1, H264, VP9, write_video
+    from duobench.core.codecs import AV1, H264, VP9
+    from duobench.core.video import write_video
 
     codecs = (VP9, AV1, H264)
     frames = [np.zeros((64, 64, 3), dtype=np.uint8)] * 2

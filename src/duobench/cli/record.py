@@ -30,6 +30,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     variety: Literal["none", "human", "wide"] = "human",
     tasks: tuple[str, ...] = (),
     episodes: int = 50,
+    first: int = 0,
     workers: int = 1,
     split: Literal["train", "eval"] = "train",
     instructions: Literal["fixed", "varied"] = "fixed",
@@ -49,6 +50,8 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             only they know how to.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.
+        first: Index of the first one; seeds follow from task and index alone, so that folders with
+            other indices hold other episodes. A folder goes on from the one it was begun with.
         workers: Processes that play side by side.
         split: Layouts to begin with. Those of eval are the ones that policies are evaluated on:
             a policy that learns from them cannot be evaluated any more.
@@ -79,6 +82,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             find_tasks(tasks),
             DataSet.open(out, how=f"duobench record --policy {name}"),
             episodes=episodes,
+            first=first,
             split=split,
             instructions=instructions,
             keep_failures=keep_failures,

@@ -51,6 +51,7 @@ def run(
         segmentation_picture,
         with_legend,
     )
+    from duobench.envs.camera_options import wanted_images
     from duobench.world.sim.rendering import Renderer
 
     (info,) = find_tasks([task])
@@ -58,6 +59,9 @@ def run(
     base = reset_env(catalog.get(info.reference), seed, look)
     simulation = base.simulation
     images = {}
+    known = (*POLICY_CAMERAS, OVERVIEW)
+    wanted_images(cameras, (), (), size, {}, known)  # rejects one name of two cameras
+    sizes: Sizes = {**dict.fromkeys(cameras, size)}
     with taken_back(out):
         make_folder(out)
         of_people = [camera for camera in cameras if camera == OVERVIEW]
@@ -71,7 +75,6 @@ def run(
                 look=base.look,
             ) as renderer:
                 images |= renderer.render_all(simulation.data, seen)
-        sizes: Sizes = {**dict.fromkeys(cameras, size)}
         if depth:
             for camera, metres in base.backend.images_by_kind({DEPTH: sizes})[
                 DEPTH

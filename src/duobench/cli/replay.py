@@ -119,7 +119,8 @@ def _by_states(
     kinds: tuple[bool, bool],
     look: str,
 ) -> None:
-    from duobench.core.video import VP9, write_video
+    from duobench.core.codecs import VP9
+    from duobench.core.video import write_video
     from duobench.data import ImageSource, Recording
     from duobench.evaluation.video import FRAME_RATE
 

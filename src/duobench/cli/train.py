@@ -13,13 +13,13 @@ import tyro
 
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
-from duobench.core.errors import DataError, NoObjectStatesError
+from duobench.core.errors import DataError, NoObjectStatesError, UnknownNumbersError
 
 if TYPE_CHECKING:
     from duobench.policy.training.training import Training
 
 
-EXPORT = "duobench export lerobot DATA --out OUT"
+EXPORT = "duobench export lerobot DATA --out OUT --after-success"
 
 
 def run(  # noqa: PLR0913 - each is an argument of the command line
@@ -34,6 +34,7 @@ def run(  # noqa: PLR0913 - each is an argument of the command line
     steps: int | None = None,
     small: bool = False,
     domain_ids: bool = False,
+    assume: Literal["joint", "cartesian", "cartesian_relative"] | None = None,
     only_print: Annotated[bool, tyro.conf.arg(name="print")] = False,
 ) -> None:
     """Train a policy with LeRobot: print the command that does it, with its reasons, and run it.
@@ -46,7 +47,8 @@ def run(  # noqa: PLR0913 - each is an argument of the command line
             of them; diffusion learns from object states, and act from them or from images.
         more: More options of lerobot-train, after --, such as -- --batch_size=8.
         data: Folder of a data set of LeRobot with this benchmark's names and sizes, such as
-            duobench export lerobot makes; or of several, as its --per-task makes them.
+            duobench export lerobot makes; or of several, as its --per-task makes them, or as the
+            paper's authors publish theirs, TASK/sim.
         out: Folder of the training, or of one folder for each task.
         tasks: Ids of the tasks to learn, or all, those of the data set; act learns each of them by
             itself.
@@ -55,6 +57,8 @@ def run(  # noqa: PLR0913 - each is an argument of the command line
             everything works together.
         domain_ids: Tell the policy which episodes are simulated and which are real (xvla only);
             the paper does not, and an evaluation says simulation everywhere.
+        assume: What the actions of others' data are, where their names do not say it; a state of 16
+            numbers is then joints and openings.
         only_print: Print the command and do not run it.
     """
     from duobench.data.dataset import DESCRIPTION
@@ -69,13 +73,16 @@ def run(  # noqa: PLR0913 - each is an argument of the command line
             steps=steps,
             small=small,
             domain_ids=domain_ids,
+            assume=assume,
         )
+    except UnknownNumbersError as error:
+        raise AdvisedError(f"{error} Such as: --assume joint") from error
     except DataError as error:
         recorded = (data / DESCRIPTION).exists()
         if not recorded and not isinstance(error, NoObjectStatesError):
             raise
         export = (
-            f"duobench export lerobot {data} --out {data}-lerobot"
+            f"duobench export lerobot {data} --out {data}-lerobot --after-success"
             if recorded
             else EXPORT
         )
@@ -120,3 +127,5 @@ def _show_commands(
         width = max(len(setting.argument) for setting in each.settings)
         for setting in each.settings:
             sys.stderr.write(f"{setting.argument:{min(width, 48)}}  {setting.why}\n")
+    for note in dict.fromkeys(note for each in missing for note in each.notes):
+        sys.stderr.write(f"{note}\n")

@@ -191,6 +191,10 @@ class NoObjectStatesError(DataError):
     """A policy learns from where objects are, and from nothing else."""
 
 
+class UnknownNumbersError(DataError):
+    """Numbers of a data set have names that nothing here has."""
+
+
 class SeveralTasksError(DataError):
     """Several tasks were given where only one makes sense."""
 

@@ -63,10 +63,14 @@ def root(squares: Any) -> Any:
 
 
 def hypot(*parts: Any) -> Any:
-    """Length of a vector whose parts are floats, or arrays: one entry for each vector."""
+    """Length of a vector whose parts are floats, or arrays: one entry for each vector.
+
+    Each entry has the bits that the floats would give, which NumPy's sums of squares have not.
+    """
     if isinstance(parts[0], float):
         return math.hypot(*parts)
-    return np.sqrt(sum_of_products(parts, parts))
+    lengths = np.frompyfunc(math.hypot, len(parts), 1)(*parts)
+    return np.asarray(lengths, dtype=np.float64)
 
 
 def matrix_from_wxyz(wxyz: ArrayLike) -> Array:

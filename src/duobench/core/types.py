@@ -93,14 +93,19 @@ def as_flag(value: Any) -> Any:
 
 
 def as_several(values: Any) -> tuple[Any, ...] | None:
-    """One word, or several things in an order, as a tuple; None for all else, such as a set."""
+    """One word, or several things in an order, as a tuple; None for all else, such as a set.
+
+    Words of NumPy become Python's, which files can hold.
+    """
     if isinstance(values, str):
-        return (values,)
+        return (str(values),)
     if isinstance(values, Iterable) and not isinstance(
         values, bytes | set | frozenset | Mapping
     ):
         with suppress(TypeError):  # an array without dimensions
-            return tuple(values)
+            return tuple(
+                str(value) if isinstance(value, str) else value for value in values
+            )
     return None
 
 

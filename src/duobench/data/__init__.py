@@ -17,6 +17,11 @@ if TYPE_CHECKING:
         ActionSource as ActionSource,
         ExportOptions as ExportOptions,
         Pairing as Pairing,
+        VideoCodec as VideoCodec,
+    )
+    from duobench.data.lerobot.transitions import (
+        Transitions as Transitions,
+        transitions as transitions,
     )
     from duobench.data.page import write_page as write_page
     from duobench.data.recorder import Recorder as Recorder
@@ -41,7 +46,9 @@ else:
                 "ActionSource",
                 "ExportOptions",
                 "Pairing",
+                "VideoCodec",
             ],
+            "duobench.data.lerobot.transitions": ["Transitions", "transitions"],
             "duobench.data.page": ["write_page"],
             "duobench.data.recorder": ["Recorder"],
             "duobench.data.recording": ["Recording"],

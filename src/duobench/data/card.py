@@ -65,7 +65,6 @@ def write_data_card(
         own=own,
         asked=" --import-tasks" if own else "",
         pictures=sorted(path.name for path in (folder / PICTURES).glob("*.jpg")),
-        rate=CONTROL_HZ,
         megabytes=sum(path.stat().st_size for path in files) / 1e6,
     )
     write(folder / CARD, text)
@@ -85,6 +84,7 @@ def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
             write(folder / PICTURES / f"{task}.jpg", sheet)
     return {
         "summary": summary,
+        "rate": CONTROL_HZ,
         "depths": [],
         "suite": data.read_description().suite_version,
         "parts": {one.task: (one.episodes, one.frames) for one in summary.tasks},
@@ -120,6 +120,7 @@ def _of_exports(folder: Path) -> dict[str, Any]:
     features = list(dict.fromkeys(key for one in about for key in one["features"]))
     return {
         "summary": None,
+        "rate": about[0]["fps"],
         "suite": suites[0],
         "parts": {task: (len(of), sum(of)) for task, of in lengths.items()},
         "configs": [
@@ -149,15 +150,12 @@ def _training(
     tasks: Sequence[str],
 ) -> str:
     """The command that learns a task from an export; empty where `duobench train` cannot."""
-    seen = [
-        key for key in about["features"] if key.startswith((IMAGE_PREFIX, OBJECT_STATE))
-    ]
     known = {OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_CAMERAS)}
     parts = state_labels.find(feature_names(about, STATE) or JOINT_NAMES) or ()
     if (
         about["codebase_version"] != FORMAT
-        or not seen
-        or not known.issuperset(seen)
+        or about["fps"] != CONTROL_HZ
+        or known.isdisjoint(about["features"])
         or not {*parts} <= {*state_labels.SHOWN}
     ):
         return ""

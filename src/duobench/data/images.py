@@ -19,6 +19,7 @@ from duobench.core.backend import (
 )
 from duobench.core.errors import DataError, DuoBenchError, OptionError
 from duobench.core.types import as_size
+from duobench.core.video import in_rgb
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
 from duobench.envs.camera_options import camera_options, wanted_images
@@ -62,6 +63,8 @@ class ImageSource:
         segmentation: bool | str | Sequence[str] = (),
     ) -> None:
         definition = catalog.get(task)
+        self.definition = definition
+        """The task."""
         self.object_state: ObjectState = definition.object_state
         self.simulation = Simulation(definition.props, definition.overview)
         """The physics, in the state that was shown last."""
@@ -208,7 +211,7 @@ class VideoFrames:
             raise DataError(
                 f"{self._path}: places of frames begin with 0, got {place}."
             )
-        return np.asarray(self._image.to_ndarray(format="rgb24"), dtype=np.uint8)
+        return in_rgb(self._image)
 
     def close(self) -> None:
         """Close the video; closing twice is harmless."""

@@ -4,7 +4,7 @@ import hashlib
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +109,14 @@ class Recording:
     def steps(self) -> int:
         """Control steps until success, or until the end; what comes after success is no part."""
         return len(self) if self.success_step is None else self.success_step
+
+    def until(self, actions: int) -> "Recording":
+        """The episode up to what was seen after so many actions."""
+        rows = {
+            column.name: getattr(self, column.name)[: actions + (not column.of_action)]
+            for column in COLUMNS
+        }
+        return replace(self, **rows)
 
     @staticmethod
     def read(path: Path) -> "Recording":

@@ -19,10 +19,11 @@ from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from duobench.core.backend import Image
+from duobench.core.codecs import H264
 from duobench.core.errors import DataError, DuoBenchError, OutputError
 from duobench.core.files import digest_of, remove
 from duobench.core.types import CONTROL_HZ
-from duobench.core.video import H264, VideoWriter
+from duobench.core.video import VideoWriter
 from duobench.data.schema import EpisodeInfo, VideoFacts, video_path
 
 QUEUE = 20

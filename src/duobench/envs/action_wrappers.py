@@ -1,5 +1,6 @@
 """Other forms of actions: binary grippers, displacements, tool poses, chunks of several."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -113,11 +114,13 @@ class RelativeCartesianActions(ActionModeWrapper):
 
     def step(self, action: Any) -> Transition:
         """Advance one control step."""
-        rows = self.check_action(action).reshape(len(SIDES), -1)
-        starts = self._starts()
-        targets = {side: _displaced(starts[side], rows[side.index]) for side in SIDES}
-        poses = [[*targets[side].tquat, rows[side.index, -1]] for side in SIDES]
-        result = self.env.step(np.ravel(poses))
+        poses, targets = displaced_poses(
+            self._kinematics,
+            self.base.backend.last_command.joints,
+            self._targets,
+            self.check_action(action),
+        )
+        result = self.env.step(poses)
         self._targets = targets
         return result
 
@@ -126,19 +129,31 @@ class RelativeCartesianActions(ActionModeWrapper):
         openings = self.base.backend.last_command.openings
         return np.ravel([[*np.zeros(6), openings[side.index]] for side in SIDES])
 
-    def _starts(self) -> dict[Side, SE3]:
-        """Pose that this displacement starts from, for each side."""
-        commanded = self._kinematics.forward(self.base.backend.last_command.joints)
-        starts = {}
-        for side, pose in commanded.items():
-            target = self._targets.get(side, pose)
-            length, angle = target.distance(pose)
-            starts[side] = (
-                target
-                if length <= MAX_TRACKING_LAG and angle <= MAX_TRACKING_LAG_ROTATION
-                else pose
-            )
-        return starts
+
+def displaced_poses(
+    kinematics: Kinematics,
+    joints: Array,
+    before: Mapping[Side, SE3],
+    displacements: Array,
+) -> tuple[Array, dict[Side, SE3]]:
+    """Cartesian action that displacements of both tools mean, and what they now add up to.
+
+    Args:
+        kinematics: The solver.
+        joints: The commanded joints (2, 7).
+        before: Poses that earlier displacements added up to, if there were any.
+        displacements: A relative Cartesian action (14,).
+    """
+    rows = displacements.reshape(len(SIDES), -1)
+    targets = {}
+    for side, commanded in kinematics.forward(joints).items():
+        start = before.get(side, commanded)
+        lag, angle = start.distance(commanded)
+        if not (lag <= MAX_TRACKING_LAG and angle <= MAX_TRACKING_LAG_ROTATION):
+            start = commanded
+        targets[side] = _displaced(start, rows[side.index])
+    poses = [[*targets[side].tquat, rows[side.index, -1]] for side in SIDES]
+    return np.ravel(poses), targets
 
 
 def _displaced(pose: SE3, displacement: Array) -> SE3:
@@ -191,14 +206,20 @@ class CartesianActions(ActionModeWrapper):
 
     def step(self, action: Any) -> Transition:
         """Advance one control step towards the poses."""
-        rows = self.check_action(action).reshape(len(SIDES), SIDE_SIZE)
-        targets = {
-            side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES
-        }
-        last = self.base.backend.last_command
-        joints = self.kinematics.step(last.joints, targets)
-        command = DuoCommand(joints=joints, openings=rows[:, ARM_JOINTS])
-        return self.env.step(command.flat)
+        poses = self.check_action(action)
+        joints = self.base.backend.last_command.joints
+        return self.env.step(joint_targets(self.kinematics, joints, poses))
+
+
+def joint_targets(kinematics: Kinematics, joints: Array, poses: Array) -> Array:
+    """Joint action of a step from commanded joints (2, 7) towards a Cartesian action (16,)."""
+    rows = poses.reshape(len(SIDES), SIDE_SIZE)
+    targets = {side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES}
+    command = DuoCommand(
+        joints=kinematics.step(joints, targets),
+        openings=rows[:, ARM_JOINTS],
+    )
+    return command.flat
 
 
 class ActionChunks(DuoWrapper):

@@ -20,10 +20,21 @@ from gymnasium.vector.utils import batch_space
 
 from duobench.core.backend import CameraGeometry
 from duobench.core.errors import ActionError, OptionError, SimulationError
-from duobench.core.types import OPENING_SLOTS, Array
-from duobench.envs import spaces
-from duobench.envs.action_modes import JOINT, JOINT_RELATIVE
-from duobench.envs.action_wrappers import THRESHOLD
+from duobench.core.spatial import SE3
+from duobench.core.types import ARM_JOINTS, OPENING_SLOTS, SIDE_SIZE, SIDES, Array, Side
+from duobench.envs import action_modes, spaces
+from duobench.envs.action_modes import (
+    CARTESIAN,
+    CARTESIAN_RELATIVE,
+    JOINT,
+    JOINT_RELATIVE,
+)
+from duobench.envs.action_wrappers import (
+    MIN_NORM,
+    THRESHOLD,
+    displaced_poses,
+    joint_targets,
+)
 from duobench.envs.config import (
     LAYOUT,
     LAYOUT_SEED,
@@ -56,7 +67,6 @@ from duobench.world.sim.batch import SimulationBatch
 from duobench.world.sim.thread_batch import ThreadBatch
 from duobench.world.sim.warp_batch import WarpBatch
 
-MODES = (JOINT.name, JOINT_RELATIVE.name)
 RESET_MASK, STATES = "reset_mask", "states"
 """Options of a reset beside those of `SimEnv`: which episodes begin anew, and from what states."""
 KEPT_STARTS = 4096
@@ -67,13 +77,14 @@ Start = tuple[EpisodeState, Info]
 
 
 class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
-    """A vector environment without processes, with next-step autoreset and arrays in `info`.
+    """A vector environment without processes, with arrays in `info`.
 
     Episode i of a reset with a seed is that of `make` with seed + i, and so are the episodes that
     follow it by themselves. `info` holds what that of `make` holds, in arrays, and dicts of arrays:
     all but `layout` and `split` at every reset and step and for every episode, `seed` too (-1 for a
     layout or a state that was given). Those two are told of episodes that begin, `_layout` and
-    `_split` say of which.
+    `_split` say of which; `rewards` and `executed` of a chunk of those that were stepped, and
+    `final_obs` and `final_info` of those that were over and began anew in the same step.
 
     The options of a reset are those of `SimEnv`, for all episodes alike, and two more: `reset_mask`
     (n,) says which episodes begin anew, while the others stay as they are; `states` has for each
@@ -86,10 +97,11 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             `metadata["engine"]` names then.
         layouts: Episodes without a seed take one of so many layouts, those of the seeds 0 to
             `layouts` - 1, which are settled once; None takes a new one each time.
-        autoreset_mode: NEXT_STEP, or DISABLED: then an episode that is over is reset by its mask.
+        autoreset_mode: NEXT_STEP, SAME_STEP, or DISABLED: then an episode that is over is reset by
+            its mask.
 
     Raises:
-        OptionError: A part of the configuration takes one environment at a time.
+        OptionError: A part of the configuration takes environments of their own; see `takes`.
     """
 
     def __init__(
@@ -98,16 +110,22 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         num_envs: int,
         threads: int | None,
         layouts: int | None = None,
-        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         self._env, self._base = env, sim_of(env)
         config = self._config = self._base.config or EnvConfig()
-        _check(config, self._base.task)
-        if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
+        if not takes(env):
             raise OptionError(
-                "With threads or Warp, autoreset_mode is NEXT_STEP or DISABLED, an AutoresetMode; "
-                f"got {autoreset_mode!r}."
+                f"Threads and Warp take no shift of {PHYSICS} or {SENSING}; leave threads and "
+                "engine out to have them."
             )
+        try:
+            autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError as error:
+            raise OptionError(
+                "autoreset_mode is NEXT_STEP, SAME_STEP or DISABLED, an AutoresetMode; got "
+                f"{autoreset_mode!r}."
+            ) from error
         if config.wanted:
             env.get_wrapper_attr("set_rendering")(
                 False
@@ -151,6 +169,10 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self._is_over = np.zeros(num_envs, dtype=np.bool_)
         self._sent = np.zeros((num_envs, len(spaces.JOINT_NAMES)))
         self._texts = np.empty((num_envs, self._max_stage + 1), dtype=object)
+        self._mode = action_modes.get(config.action_mode)
+        self._tool_targets: list[dict[Side, SE3]] = [{} for _ in range(num_envs)]
+        if self._mode in (CARTESIAN, CARTESIAN_RELATIVE):
+            self._kinematics = env.get_wrapper_attr("kinematics")
 
     def reset(
         self,
@@ -258,6 +280,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             self._starts[number] = state, info
             self.judge.set_state(number, required(state.progress, "stages"))
             self._steps[number], self._is_over[number] = state.steps or 0, state.over
+            self._tool_targets[number] = dict(state.tool_targets or ())
             texts = list(info["stage_to_subinstructions"].values())
             # Once the task is solved, what was to be done last is still the answer.
             self._texts[number] = [*texts, texts[-1]]
@@ -280,30 +303,61 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             raise ResetNeededError(
                 "An episode is over; reset it, by reset_mask if others go on."
             )
-        actions, where = self._checked(actions), ~self._is_over
-        begin = {
-            n: self._start(n, None, {}) for n in np.flatnonzero(self._is_over).tolist()
-        }
+        chunks = self._checked(actions)
+        count, length = chunks.shape[:2]
+        running = ~self._is_over
+        begin = {n: self._start(n, None, {}) for n in np.flatnonzero(~running).tolist()}
+        rewards, executed = np.zeros((count, length)), np.zeros(count, dtype=np.int64)
+        terminated, truncated = np.zeros((2, count), dtype=np.bool_)
+        clipped = np.zeros(self._sent.shape, dtype=np.bool_)
         try:
-            clipped = self._advance(actions, where)
+            for number in range(length):
+                where = running & ~(terminated | truncated)
+                clipped |= self._advance(chunks[:, number], where)
+                before, worth = self._worth, self._measured()
+                # What is over is not looked at any more, and keeps what it was worth.
+                self._worth = np.where(where, worth, before)
+                paid = reward_of(self._config.reward, before, worth, self._max_stage)
+                rewards[:, number] = np.where(where, paid, 0.0)
+                executed += where
+                terminated |= where & (self.judge.stage == self._max_stage)
+                truncated |= where & (self._steps >= self._horizon)
         except SimulationError:
             self._starts = []
             raise
-        last = self._max_stage
-        before, self._worth = self._worth, self._measured()
-        rewards = where * reward_of(self._config.reward, before, self._worth, last)
-        terminated = where & (self.judge.stage == last)
-        truncated = where & (self._steps >= self._horizon)
         self._is_over = terminated | truncated
+        of_chunks: Info = {"rewards": rewards, "executed": executed}
+        of_chunks = {} if self._config.chunk is None else of_chunks
+        told: Info = {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._is_over.any():
+            begin = self._finish(told, {**self._info(clipped, ()), **of_chunks})
+            running &= ~self._is_over
+            clipped &= running[:, None]
+        for key, values in of_chunks.items():
+            told[key] = (values.T * running).T
+            told[f"_{key}"] = running
         if begin:
             self._begin(begin)
         return (
             self._observations(),
-            rewards,
+            np.array([each.sum() for each in rewards]),  # as one episode sums its own
             terminated,
             truncated,
-            self._info(clipped, begin),
+            {**told, **self._info(clipped, begin)},
         )
+
+    def _finish(self, told: Info, info: Info) -> dict[int, Start]:
+        """Tell how episodes that are over ended, and make the starts of those that follow."""
+        observation = self._observations()
+        begin = {}
+        for number in np.flatnonzero(self._is_over).tolist():
+            ends = {
+                "final_obs": _of_one(observation, number),
+                "final_info": _of_one(info, number),
+            }
+            self._add_info(told, ends, number)
+            begin[number] = self._start(number, None, {})
+        return begin
 
     def _measured(self) -> Array:
         """Quantities of the rewards (n,): the stage, and how near the next one is."""
@@ -312,10 +366,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
 
     def _advance(self, actions: Array, where: Booleans) -> Booleans:
         """Advance some episodes by a control step, and say which numbers (n, 16) were clipped."""
-        targets = actions.copy()
-        if self._config.action_mode == JOINT_RELATIVE.name:
-            targets += self._sent
-            targets[:, OPENINGS] = actions[:, OPENINGS]
+        targets = self._joint_targets(actions, where)
         within, simulations = targets, self.simulations
         measured, velocities = (
             simulations.proprioception(),
@@ -331,19 +382,50 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self._steps += where
         return (np.abs(within - targets) > ROUNDING) & where[:, None]
 
+    def _joint_targets(self, actions: Array, where: Booleans) -> Array:
+        """Joint actions (n, 16) that actions of any mode mean for some episodes."""
+        if self._mode is JOINT:
+            return actions
+        targets = self._sent.copy()
+        if self._mode is JOINT_RELATIVE:
+            targets += actions
+            targets[:, OPENINGS] = actions[:, OPENINGS]
+            return targets
+        joints = targets.reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS].copy()
+        for number in np.flatnonzero(where).tolist():
+            poses = actions[number]
+            if self._mode is CARTESIAN_RELATIVE:
+                poses, self._tool_targets[number] = displaced_poses(
+                    self._kinematics,
+                    joints[number],
+                    self._tool_targets[number],
+                    poses,
+                )
+            targets[number] = joint_targets(self._kinematics, joints[number], poses)
+        return targets
+
     def _checked(self, actions: Any) -> Array:
-        """Actions (n, 16) as finite numbers, or an error."""
-        numbers = spaces.numbers(actions, self._sent.shape)
-        wrong = np.flatnonzero(~np.isfinite(numbers).all(axis=1)).tolist()
-        if wrong:
+        """Chunks of actions (n, length, k) as numbers that could be executed, or an error."""
+        numbers = spaces.numbers(actions, self.action_space.shape or ())
+        count, size = len(numbers), len(self._mode.names)
+        chunks = numbers.reshape(count, -1, size).copy()
+        wrong = ~np.isfinite(chunks).all(axis=(1, 2))
+        what = "finite"
+        if self._mode is CARTESIAN and not wrong.any():
+            poses = chunks.reshape(count, -1, SIDE_SIZE)
+            lengths = np.sqrt((poses[..., 3:ARM_JOINTS] ** 2).sum(axis=-1))
+            wrong = (lengths < MIN_NORM).any(axis=1)
+            what = "poses whose quaternions (qx qy qz qw) are of length one"
+        if wrong.any():
             raise ActionError(
-                f"Actions must be finite, but those of environments {wrong} are not. Nothing was "
-                "moved; the environments wait for other actions."
+                f"Actions must be {what}, but those of environments "
+                f"{np.flatnonzero(wrong).tolist()} are not. Nothing was moved; the environments "
+                "wait for other actions."
             )
         if self._config.binary_gripper:
-            numbers = numbers.copy()
-            numbers[:, OPENINGS] = numbers[:, OPENINGS] >= THRESHOLD
-        return numbers
+            slots = spaces.opening_slots(size)
+            chunks[..., slots] = chunks[..., slots] >= THRESHOLD
+        return chunks
 
     def _observations(self) -> Observation:
         observation: Observation = {
@@ -443,7 +525,60 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             progress=self.judge.get_state(number),
             steps=None if start.steps is None else int(self._steps[number]),
             over=start.steps is not None and bool(self._is_over[number]),
+            tool_targets=None
+            if start.tool_targets is None
+            else tuple(self._tool_targets[number].items()),
         )
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Answer of a method, or value of an attribute, for the environment of each episode.
+
+        All episodes share one environment, which is brought into the state of each.
+
+        Raises:
+            OptionError: The method moves an episode.
+        """
+        ClosedEnvError.check(self.closed)
+        answers = []
+        for number in range(self.num_envs):
+            state = self.save_state(number) if self._starts else None
+            if state is not None:
+                self._env.get_wrapper_attr("restore_state")(state)
+            answer = self._env.get_wrapper_attr(name)
+            if callable(answer):
+                answer = answer(*args, **kwargs)
+            answers.append(answer)
+            after = self._base.simulation.get_state()
+            if state is not None and not np.array_equal(after, state.physics):
+                raise OptionError(
+                    f"{name} moves an episode. Step and reset all of them together, some by "
+                    f"{RESET_MASK} and {STATES}; or make environments of their own, by "
+                    'vectorization_mode="sync".'
+                )
+        return tuple(answers)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Value of an attribute for the environment of each episode; see `call`."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of the environment that all episodes share.
+
+        Args:
+            name: The attribute.
+            values: Its value, or a list with the same one for each episode.
+
+        Raises:
+            OptionError: The values differ, or are not one for each episode.
+        """
+        if not isinstance(values, list | tuple):
+            values = [values] * self.num_envs
+        if len(values) != self.num_envs or any(one != values[0] for one in values):
+            raise OptionError(
+                f"{name} is one value for all {self.num_envs} episodes, which share an "
+                f'environment; got {values!r}. With vectorization_mode="sync" each has its own.'
+            )
+        self._env.set_wrapper_attr(name, values[0])
 
     def render(self) -> tuple[Any, ...]:
         """Images that `render` of each episode gives."""
@@ -459,12 +594,18 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self._env.close()
 
 
-def _check(config: EnvConfig, task: str) -> None:
-    shifted = [
-        axis for axis in (PHYSICS, SENSING) if level_for(config.shift, axis, task)
-    ]
-    if config.action_mode not in MODES or config.chunk is not None or shifted:
-        raise OptionError(
-            f"Threads and Warp take action_mode {' or '.join(map(repr, MODES))}, no chunk, and no "
-            f"shift of {PHYSICS} or {SENSING}; leave threads and engine out to have them."
-        )
+def takes(env: gym.Env) -> bool:
+    """Whether episodes of an environment can be played side by side."""
+    base = sim_of(env)
+    config = base.config or EnvConfig()
+    levels = (level_for(config.shift, axis, base.task) for axis in (PHYSICS, SENSING))
+    return not any(levels)
+
+
+def _of_one(values: Mapping[Any, Any], number: int) -> dict[Any, Any]:
+    """What observations or info hold of one episode."""
+    return {
+        key: _of_one(value, number) if isinstance(value, Mapping) else value[number]
+        for key, value in values.items()
+        if not str(key).startswith("_")
+    }

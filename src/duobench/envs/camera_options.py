@@ -7,7 +7,7 @@ from typing import Any
 from duobench.core.backend import DEPTH, RGB, SEGMENTATION, AnyCamera, Sizes
 from duobench.core.errors import OptionError, check_known
 from duobench.core.types import as_flag, as_several, as_size
-from duobench.world.robot.cameras import POLICY_CAMERAS, Camera
+from duobench.world.robot.cameras import POLICY_CAMERAS, Camera, camera_of
 
 CAMERA_OPTIONS = ("cameras", "image_sizes", DEPTH, SEGMENTATION)
 
@@ -22,7 +22,9 @@ def camera_options(options: Mapping[str, Any]) -> dict[str, Any]:
     }
     if isinstance(values.get("cameras"), Mapping):
         values["cameras"], by_name = _with_sizes(values["cameras"])
-        values["image_sizes"] = {**values.get("image_sizes", {}), **by_name}
+        others = values.get("image_sizes", {})
+        if isinstance(others, Mapping):  # anything else is rejected as it is
+            values["image_sizes"] = {**others, **by_name}
     for name in (DEPTH, SEGMENTATION):
         if as_flag(values.get(name)) is True:
             cameras = as_several(values.get("cameras", POLICY_CAMERAS)) or ()
@@ -81,14 +83,8 @@ def _cameras(value: Any) -> Any:
     if several is None:
         return value
     return tuple(
-        _as_camera(each) if isinstance(each, Mapping) else each for each in several
+        camera_of(each) if isinstance(each, Mapping) else each for each in several
     )
-
-
-def _as_camera(fields: Mapping[str, Any]) -> Camera:
-    from duobench.core.settings import decode  # a policy's server does without msgspec
-
-    return decode(dict(fields), Camera, "camera")
 
 
 def _names(value: Any) -> Any:
@@ -110,7 +106,9 @@ def _with_sizes(
 ) -> tuple[tuple[str | Camera, ...], dict[str, Any]]:
     """Cameras, and the sizes of those of the robot, of sizes by camera."""
     cameras = tuple(
-        replace(camera, size=size) if isinstance(camera, Camera) and size else camera
+        replace(camera, size=size)
+        if isinstance(camera, Camera) and size is not None
+        else camera
         for camera, size in given.items()
     )
     return cameras, {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
@@ -96,8 +97,8 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
         task: Id of a task or of its environment, import path "module:ATTRIBUTE", or a task.
         options: What differs from the evaluation protocol, by name:
 
-            - `cameras` (True): True, False, or several of head, left_wrist, right_wrist and
-              `duobench.Camera`s of one's own; or sizes of their images by name.
+            - `cameras` (True): True, False, or several of head, left_wrist, right_wrist and cameras
+              of one's own (`duobench.Camera`); or sizes of their images by name.
             - `image_size` (224, 224): height and width of their images, or one number, in pixels.
             - `image_sizes` ({}): sizes by camera of those that have another one.
             - `depth` (False): True, False or names of cameras whose depth observations hold.
@@ -133,7 +134,7 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
 def make_vec(
     task: Task | str,
     num_envs: int = 1,
-    vectorization_mode: Literal["sync", "async"] = "sync",
+    vectorization_mode: Literal["sync", "async"] | None = None,
     vector_kwargs: dict[str, Any] | None = None,
     *,
     threads: int | None = None,
@@ -141,68 +142,81 @@ def make_vec(
     layouts: int | None = None,
     **options: Unpack[EnvOptions],
 ) -> gym.vector.VectorEnv:
-    """Several environments of a task side by side; for speed, give it `threads`.
+    """Several environments of a task side by side, the fastest way that their options allow.
 
-    With `threads`, such as the number of cores, all episodes are stepped in this process on
-    MuJoCo's own threads, with the same episodes to the last bit; see `duobench.envs.BatchEnv`.
-    Without, they are as `gymnasium.make_vec` makes them: one after the other, slower than one
-    alone, but each an environment of its own, with all of its options and words of `info`.
+    Usually all episodes are stepped in this process on MuJoCo's own threads, one for each core that
+    this process may use; see `duobench.envs.BatchEnv`. Where options need environments of their own
+    (shifts of physics or sensing, `vector_kwargs` but `autoreset_mode`), they are as
+    `gymnasium.make_vec` makes them, one after the other. What you choose by `threads` or
+    `vectorization_mode` is what you get, or an error. Episodes are the same to the last bit.
 
     With the engine "warp", MuJoCo Warp steps them on a graphics card: near the same, and no scores.
 
     Args:
         task: As for `make`.
         num_envs: How many.
-        vectorization_mode: "sync" steps one after the other, "async" in processes of their own.
+        vectorization_mode: Each an environment of its own: "sync" steps one after the other,
+            "async" in processes of their own.
         vector_kwargs: Arguments of Gymnasium's vector environment, such as `context`; where images
             were rendered before, processes begin anew with {"context": "spawn"}.
-        threads: Threads of the processor that physics runs on, in place of a `vectorization_mode`;
-            then there are no images unless `cameras` asks for them.
+        threads: Threads of the processor that physics runs on; where it is given, there are no
+            images unless `cameras` asks for them.
         engine: "warp" in place of threads, with the extra `warp`.
         layouts: With threads or Warp, how many layouts episodes without a seed are taken from: the
             seeds' from 0 on, each settled once. None takes a new one for each episode.
         options: As for `make`. Errors are the same.
     """
+    _check_counts(num_envs, threads, layouts)
+    if engine not in ENGINES or (engine == WARP and threads is not None):
+        raise OptionError(
+            f"engine is one of {', '.join(ENGINES)}, and {WARP} takes no threads; got {engine!r}."
+        )
+    is_chosen = threads is not None or engine == WARP
+    needs_own = vectorization_mode is not None or bool(
+        (vector_kwargs or {}).keys() - {"autoreset_mode"}
+    )
+    if is_chosen and needs_own:
+        raise OptionError(
+            "With threads or Warp, leave vectorization_mode out, and vector_kwargs but "
+            "autoreset_mode."
+        )
+    if is_chosen:
+        options.setdefault("cameras", False)
+    spec = _spec_with(task, options)
+    if not needs_own:
+        from duobench.world.sim.opengl import load_engine
+
+        load_engine()
+        from duobench.envs.batch_env import BatchEnv, takes
+
+        env = gym.make(spec, **options)
+        if is_chosen or takes(env):
+            if not is_chosen:
+                threads = min(num_envs, _cores())
+            return BatchEnv(env, num_envs, threads, layouts, **(vector_kwargs or {}))
+        env.close()
+    if layouts is not None:
+        raise OptionError(
+            "layouts belongs to threads and Warp, which take no vectorization_mode and no shift of "
+            "physics or sensing; leave it out."
+        )
+    mode = vectorization_mode or "sync"
+    return gym.make_vec(spec, num_envs, mode, vector_kwargs, **options)
+
+
+def _check_counts(num_envs: int, threads: int | None, layouts: int | None) -> None:
     if as_count(num_envs) is None:
         raise OptionError(f"num_envs is a whole number from 1 on, got {num_envs!r}.")
     for name, value in (("threads", threads), ("layouts", layouts)):
         if value is not None and as_count(value) is None:
             raise OptionError(f"{name} is a whole number from 1 on, got {value!r}.")
-    if engine not in ENGINES or (engine == WARP and threads is not None):
-        raise OptionError(
-            f"engine is one of {', '.join(ENGINES)}, and {WARP} takes no threads; got {engine!r}."
-        )
-    if threads is not None or engine == WARP:
-        from duobench.world.sim.opengl import load_engine
 
-        load_engine()
-        from duobench.envs.batch_env import BatchEnv
 
-        given = vector_kwargs or {}
-        if vectorization_mode != "sync" or given.keys() - {"autoreset_mode"}:
-            raise OptionError(
-                "With threads or Warp, leave vectorization_mode out, and vector_kwargs but "
-                "autoreset_mode."
-            )
-        env = make(task, **{"cameras": False, **options})
-        return BatchEnv(
-            env,
-            num_envs,
-            threads,
-            layouts,
-            **given,
-        )
-    if layouts is not None:
-        raise OptionError(
-            "layouts belongs to threads and Warp: add threads=1, or leave it out."
-        )
-    return gym.make_vec(
-        _spec_with(task, options),
-        num_envs,
-        vectorization_mode,
-        vector_kwargs,
-        **options,
-    )
+def _cores() -> int:
+    """Count the processor's cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _spec_with(task: Task | str, options: EnvOptions) -> EnvSpec | str:

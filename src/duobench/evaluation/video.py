@@ -11,9 +11,10 @@ import numpy as np
 from PIL import Image as Pillow, ImageDraw, ImageFont
 
 from duobench.core.backend import Image
+from duobench.core.codecs import VP9
 from duobench.core.false_colours import pictures
 from duobench.core.types import CONTROL_HZ
-from duobench.core.video import VP9, VideoWriter
+from duobench.core.video import VideoWriter
 from duobench.envs.execution import Step
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.rollouts import Info, Observation

@@ -272,13 +272,7 @@ def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
         yield from _unseen(
             f"{kind} of ", getattr(metadata, kind), getattr(config, kind)
         )
-    size = metadata.image_size
-    if metadata.cameras and size is not None and size != config.image_size:
-        yield f"it sees images of {size}, the environment's are {config.image_size}"
-    for camera, own in metadata.image_sizes.items():
-        found = config.image_sizes.get(camera, config.image_size)
-        if found != own:
-            yield f"it sees images of {own} of {camera!r}, the environment's are {found}"
+    yield from _other_sizes(metadata, config)
     if metadata.object_state and not config.object_state:
         yield "it reads the state of the objects, which the environment does not show"
     if config.flat_obs:
@@ -287,6 +281,28 @@ def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
         yield f"its actions are {metadata.action_mode!r}, the environment's {config.action_mode!r}"
     if config.chunk is not None:
         yield "it gives chunks of any length, the environment takes chunks of one length"
+
+
+def _other_sizes(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
+    """Sizes of images, of any kind, that a policy sees and an environment shows in others."""
+    shown = {
+        name_of(camera): size
+        for sizes in config.wanted.values()
+        for camera, size in sizes.items()
+    }
+    own = {
+        each.name: each.size for each in metadata.cameras if isinstance(each, Camera)
+    }
+    differing: dict[str, list[str]] = {}
+    seen = (*map(name_of, metadata.cameras), *metadata.depth, *metadata.segmentation)
+    for name in dict.fromkeys(seen):
+        usual = own.get(name) or metadata.image_size
+        size, found = metadata.image_sizes.get(name, usual), shown.get(name)
+        if size and found and size != found:
+            what = f"it sees images of {size}, the environment's are {found}"
+            differing.setdefault(what, []).append(name)
+    for what, names in differing.items():
+        yield f"{what} ({', '.join(names)})"
 
 
 def _unseen(

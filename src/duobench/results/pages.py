@@ -19,6 +19,8 @@ from duobench.core.pages import render
 from duobench.core.types import CONTROL_HZ
 from duobench.core.versions import __version__, other_engine, package_source
 from duobench.core.video import jpeg, last_frame
+from duobench.envs.camera_options import name_of
+from duobench.envs.config import EnvConfig
 from duobench.results import figures, scores
 from duobench.results.folder import RunFolder
 from duobench.results.labels import REACTION_S
@@ -129,12 +131,6 @@ def identity(part: RunPart) -> Facts:
     batching = candidate.batching
     first, last = suite.indices[0], suite.indices[-1]
     indices = f"number {first}" if first == last else f"numbers {first}–{last}"
-    height, width = config.image_size
-    images = (
-        f"{', '.join(config.camera_names)}, {width} × {height} pixels"
-        if config.cameras
-        else "none"
-    )
     objects = ", positions of the objects (privileged)" if config.object_state else ""
     batches = batching and f"{batching.mode} batches of {batching.size}"
     begun_again = part.results.overall.repeated
@@ -155,7 +151,7 @@ def identity(part: RunPart) -> Facts:
         "Episodes": f"{indices}, {suite.episodes} of each task",
         "Look": "" if run.is_real else suite.look,
         "Shift": "" if run.is_real else str(part.condition.shift),
-        "Cameras": images,
+        "Cameras": _cameras_text(config),
         "Beyond the robot's images": extra_sensing(config),
         "Other observations": f"joints, openings, tool poses{objects}",
         "Action mode": config.action_mode,
@@ -170,6 +166,23 @@ def identity(part: RunPart) -> Facts:
         f"{run.limits.episode_timeout:g} s an episode",
     }
     return {name: value for name, value in facts.items() if value}
+
+
+def _cameras_text(config: EnvConfig) -> str:
+    """The cameras whose images, depth or parts a policy sees, with the sizes of these."""
+    by_size: dict[tuple[int, int], list[str]] = {}
+    for sizes in config.wanted.values():
+        for camera, size in sizes.items():
+            names = by_size.setdefault(size, [])
+            if (name := name_of(camera)) not in names:
+                names.append(name)
+    return (
+        "; ".join(
+            f"{', '.join(names)}, {width} × {height} pixels"
+            for (height, width), names in by_size.items()
+        )
+        or "none"
+    )
 
 
 def rig_text(records: Iterable[Record]) -> str:

@@ -79,6 +79,21 @@ def empty(tmp_path):
     return DataSet.open(tmp_path / "empty")
 
 
+def test_a_recording_may_begin_with_a_later_episode(two, data, empty):
+    (attempt,) = played(empty, episodes=1, first=1)
+    assert attempt.episode == 1
+    (path,) = empty.episodes()
+    assert path.read_bytes() == two.episodes()[1].read_bytes()
+    played(empty, episodes=1, first=1)  # what is there is enough
+    with pytest.raises(OtherRunError, match="first episode 0 instead of 1"):
+        played(empty, episodes=2)
+    with pytest.raises(OtherRunError, match="first episode 1 instead of 0"):
+        played(data, first=1)
+    assert contents(data) == contents(two)
+    with pytest.raises(EvaluationError, match="from -1"):
+        played(DataSet.open(empty.path.with_name("none")), first=-1)
+
+
 @pytest.mark.slow
 def test_the_data_set_does_not_depend_on_workers_or_interruptions(two, empty):
     played(empty, episodes=1)

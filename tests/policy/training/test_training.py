@@ -8,10 +8,17 @@ from typing import Any
 import pytest
 
 from duobench.cli import main
-from duobench.core.errors import DataError, DuoBenchError, PolicyError, UnknownNameError
+from duobench.core.errors import (
+    DataError,
+    DuoBenchError,
+    PolicyError,
+    UnknownNameError,
+    UnknownNumbersError,
+)
 from duobench.core.lerobot_keys import FEATURE_NAMES
 from duobench.core.randomness import SUITE_VERSION
 from duobench.envs.action_labels import POSE_LABELS
+from duobench.envs.spaces import JOINT_NAMES
 from duobench.envs.state_labels import StatePart, names_of
 from duobench.policy import lerobot_checkpoint as checkpoint
 from duobench.policy.lerobot_checkpoint import labels_of
@@ -347,13 +354,20 @@ def test_a_state_with_tool_poses_is_learned_from_under_its_names(one_task: Path)
         (with_info(fps=15), "", "has 15 rows a second; 30 are needed"),
         (with_features(action={"shape": [14]}), "", r"action has shape \[14\]; \[16\] is needed"),
         (with_features(action=POSES), "", r"action has shape \[16\]; \[20\] is needed"),
-        (with_features(action={"shape": [2], "names": ["x", "y"]}), "", "actions are x, y, which"),
+        (
+            with_features(action={"shape": [2], "names": ["x", "y"]}),
+            "",
+            "2 numbers, x, y; which no",
+        ),
         (with_features(observation__state={"shape": [7]}), "", r"state has shape \[7\]"),
-        (with_features(observation__state=MOTORS), "", "observation.state is a, b; left_joint_1"),
+        (
+            with_features(observation__state=MOTORS),
+            "",
+            "2 numbers, a, b; left_joint_1",
+        ),
         (state(StatePart.JOINT_VELOCITY), "", "joint_velocity, which no environment shows"),
         (state(*StatePart), "", "joint_velocity, which no environment shows; export without it"),
         (state(StatePart.TCP_POSE, size=16), "", r"state has shape \[16\]; \[30\] is needed"),
-        (with_features(observation__images__top={}), "", "no observation.images.top here"),
         (with_content("info.json", []), "", "it holds a list, no object"),
         (with_info(features=None), "", "shape None"),
         (with_info(features={"action": []}), "", "shape None"),
@@ -401,3 +415,124 @@ def test_an_export_and_a_checkpoint_of_another_suite_are_refused(one_task: Path)
     write(path, {**about, "suite_version": "4"})
     with pytest.raises(DataError, match=f"is of suite 4; this version has suite {SUITE_VERSION}"):
         plan("act", one_task)
+
+
+# --- data sets of others -------------------------------------------------------------------------
+
+THEIR_NAMES = [f"{arm}_{part}" for arm in "lr" for part in (*"0123456", "g")]
+SPELLINGS = {
+    "none": None,
+    "a list": THEIR_NAMES,
+    "under a heading": {"motors": [f"{name}.pos" for name in THEIR_NAMES]},
+}
+"""How the paper's authors may have named the 16 numbers, which is not known."""
+
+
+def theirs(folder: Path, names: object, **features: Any) -> Path:
+    """The description of a data set in the form of the paper's authors."""
+    video = {"dtype": "video", "shape": [224, 224, 3], "names": ["height", "width", "channels"]}
+    numbers = {"dtype": "float32", "shape": [16], "names": names}
+    cameras = ("head", "left_wrist", "right_wrist")
+    known = {f"observation.images.{camera}": video for camera in cameras}
+    known |= {"observation.state": numbers, "action": numbers}
+    named = {name.replace("__", "."): feature for name, feature in features.items()}
+    info = {
+        "codebase_version": "v3.0",
+        "fps": 30,
+        "total_episodes": 50,
+        "total_frames": 26000,
+        "robot_type": "fr3_duo",
+        "features": known | named,
+    }
+    write(folder / "meta/info.json", info)
+    return folder
+
+
+@pytest.mark.parametrize("assume", [None, "joint"])
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_the_authors_data_are_learned_from_and_what_is_assumed_is_said(
+    tmp_path: Path, spelling: str, assume: str | None
+) -> None:
+    data = theirs(tmp_path / "theirs", SPELLINGS[spelling])
+    if assume is None and spelling != "none":
+        with pytest.raises(UnknownNumbersError, match=r"16 numbers, l_0, l_1, l_2, …; which no"):
+            plan("act", data)
+        return
+    planned = plan("act", data, assume=assume)
+    said = " ".join(planned.notes)
+    for key in ("action", "observation.state"):
+        assert f"Assumed: {key}, which has " in said
+        assert planned.names[key] == list(JOINT_NAMES)
+    assert "left_joint_1 to right_gripper" in said
+    assert ("names of its own (l_0, …)" in said) == (spelling != "none")
+    planned.checkpoint.mkdir(parents=True)
+    planned.name_features()
+    assert labels_of(planned.checkpoint, 16).mode.name == "joint"
+
+
+def test_an_assumed_mode_must_have_as_many_numbers(tmp_path: Path) -> None:
+    data = theirs(tmp_path / "theirs", THEIR_NAMES)
+    with pytest.raises(DataError, match=r"action has shape \[16\]; \[20\] is needed"):
+        plan("act", data, assume="cartesian")
+    with pytest.raises(UnknownNameError, match="action mode of an export 'joints'"):
+        plan("act", data, assume="joints")
+
+
+@pytest.mark.parametrize("kind", ["act", "xvla"])
+def test_what_no_policy_sees_here_is_left_out_with_a_sentence(tmp_path: Path, kind: str) -> None:
+    other = {"dtype": "float32", "shape": [20], "names": None}
+    top = {"dtype": "video", "shape": [96, 96, 3], "names": ["height", "width", "channels"]}
+    more = {"observation__state_eef": other, "action_eef": other, "observation__images__top": top}
+    planned = plan(kind, theirs(tmp_path / "theirs", None, **more))
+    (sentence,) = (note for note in planned.notes if "eft out" in note)
+    assert "observation.state_eef, observation.images.top" in sentence
+    (chosen,) = (one for one in planned.settings if one.option == "policy.input_features")
+    inputs = json.loads(chosen.value)
+    assert inputs["observation.state"] == {"type": "STATE", "shape": [16]}
+    assert inputs["observation.images.head"] == {"type": "VISUAL", "shape": [3, 224, 224]}
+    assert len(inputs) == 4
+    hidden = theirs(tmp_path / "hidden", None, **more)
+    about = json.loads((hidden / "meta/info.json").read_text())
+    for key in (key for key in inputs if "images" in key):
+        del about["features"][key]
+    write(hidden / "meta/info.json", about)
+    with pytest.raises(DataError, match="has none: export it with cameras"):
+        plan(kind, hidden)
+
+
+def test_simulated_episodes_are_found_where_the_authors_publish_them(tmp_path: Path) -> None:
+    data, out = tmp_path / "duobench", tmp_path / "out"
+    for task in ("ball_maze", "bin_sort"):
+        for domain in ("sim", "real"):
+            theirs(data / task / domain, None)
+    planned = training.plan_all("act", data, out)
+    assert [each.tasks for each in planned] == [("ball_maze",), ("bin_sort",)]
+    assert f"--dataset.root={data}/bin_sort/sim" in planned[1].command()
+    (one,) = training.plan_all("act", data, out, tasks=["bin_sort"])
+    assert one.folder == out / "bin_sort"
+    for tasks in ((), ("bin_sort",)):
+        (alone,) = training.plan_all("act", data / "bin_sort", out, tasks=tasks)
+        assert (alone.tasks, alone.folder) == (("bin_sort",), out)
+        assert f"--dataset.root={data}/bin_sort/sim" in alone.command()
+    with pytest.raises(DataError, match="or merge them with lerobot-edit-dataset"):
+        training.plan_all("xvla", data, out)
+
+
+def test_the_command_line_says_what_to_assume_and_what_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = theirs(tmp_path / "theirs", THEIR_NAMES)
+    words = ["train", "act", "--data", str(data), "--out", str(tmp_path / "out"), "--print"]
+    with pytest.raises(SystemExit, match="--assume joint"):
+        main(words)
+    main([*words, "--assume", "joint"])
+    assert "Assumed: action, which has names of its own (l_0, …)" in capsys.readouterr().err
+
+
+def test_an_export_that_ends_at_success_says_so(one_task: Path) -> None:
+    path = one_task / "meta/duobench.json"
+    about = json.loads(path.read_text())
+    for after_success in (False, True):
+        write(path, {**about, "options": {"after_success": after_success}})
+        said = " ".join(plan("act", one_task).notes)
+        assert ("Its episodes end at success" in said) == (not after_success)

@@ -301,6 +301,7 @@ WRONG: list[tuple[dict[str, Any], type[DuoBenchError], str]] = [
     ({"mass": -1.0}, TaskError, "in kg"),
     ({"mass": "0.1"}, TaskError, "in kg"),
     ({"mass": float("nan")}, TaskError, "in kg"),
+    ({"mass": True}, TaskError, "in kg"),
     ({"rgba": (255, 0, 0, 255)}, TaskError, "colour"),
     ({"texture": "no.png"}, AssetError, "no file"),
 ]

@@ -104,6 +104,7 @@ PLACED: dict[str, Any] = {"name": "side", "position": (0.5, 1.2, 0.6), "look_at"
         ({"look_at": (0, math.inf, 0)}, OptionError, "look_at of camera 'side' is three finite"),
         ({"look_at": (0, 1000, 0)}, OptionError, "in metres, at most 100 either way"),
         ({"look_at": (0.5, 1.2, 0.6)}, OptionError, "looks at its own position"),
+        ({"look_at": (0.5, 1.2, 0.6 + 1e-9)}, OptionError, "looks at its own position"),
         ({"position": (4, 0, 0)}, OptionError, "inside the room, at x -1.60 to 3.00"),
         ({"position": (0, 0, -1)}, OptionError, "inside the room"),
         ({"on": "left_flange", "position": (0, 0, 3)}, OptionError, "near the left_flange"),

@@ -8,19 +8,26 @@ from functools import partial
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs import EnvConfig
 from lerobot.envs.utils import _LazyAsyncVectorEnv, freeze_after_episode_end
 from lerobot.processor import DeviceProcessorStep, PolicyProcessorPipeline
 
 import duobench
-from duobench.core.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
+from duobench.core.errors import OptionError, check_known
+from duobench.core.lerobot_keys import ACTION, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.core.randomness import episode_seed
-from duobench.core.types import CONTROL_HZ, FLAT_SIZE
+from duobench.core.types import CONTROL_HZ
+from duobench.envs import state_labels
+from duobench.envs.action_labels import LABELS
+from duobench.envs.state_labels import SHOWN
 from duobench.tasks import catalog
+from duobench.tasks.object_state import ENVIRONMENT_STATE
 from duobench.world.robot.cameras import POLICY_CAMERAS
 
 ALL = "all"
+AGENT = "agent_pos"
 
 
 @EnvConfig.register_subclass("duobench")
@@ -36,6 +43,12 @@ class DuoBenchEnv(EnvConfig):
     """Cameras that the policy sees."""
     image_size: int = 224
     """Side of their images in pixels."""
+    action: str = "joint"
+    """Meaning of the policy's actions, as `duobench export lerobot --action` names it."""
+    state: tuple[str, ...] = ()
+    """What follows joints and openings in the state of the robot, such as tcp_pose."""
+    object_state: bool = False
+    """Whether the policy sees the numbers of objects, which are privileged."""
     render_size: tuple[int, int] = (240, 320)
     """Height and width of the videos in pixels."""
     episode_length: int | None = None
@@ -48,15 +61,37 @@ class DuoBenchEnv(EnvConfig):
     def __post_init__(self) -> None:
         # LeRobot's own names, so that recording works too.
         size = (self.image_size, self.image_size, 3)
+        check_known("action mode of an export", self.action, LABELS)
+        for part in self.state:
+            check_known("part of a state", part, [each.value for each in SHOWN])
+        numbers = len(LABELS[self.action].names)
+        seen = len(state_labels.names_of(self.state))
         self.features = {
-            ACTION: PolicyFeature(FeatureType.ACTION, (FLAT_SIZE,)),
-            "agent_pos": PolicyFeature(FeatureType.STATE, (FLAT_SIZE,)),
+            ACTION: PolicyFeature(FeatureType.ACTION, (numbers,)),
+            AGENT: PolicyFeature(FeatureType.STATE, (seen,)),
         }
-        self.features_map = {ACTION: ACTION, "agent_pos": STATE}
+        self.features_map = {ACTION: ACTION, AGENT: STATE}
+        if self.object_state:
+            shape = (self._object_numbers(),)
+            self.features[ENVIRONMENT_STATE] = PolicyFeature(FeatureType.ENV, shape)
+            self.features_map[ENVIRONMENT_STATE] = OBJECT_STATE
         for camera in self.cameras:
             key = f"{IMAGE_PREFIX}{camera}"
             self.features[key] = PolicyFeature(FeatureType.VISUAL, size)
             self.features_map[key] = key
+
+    def _object_numbers(self) -> int:
+        """Count the numbers of the tasks' object states."""
+        counts = {
+            task: len(catalog.get(task).object_state.names) for task in self.tasks
+        }
+        if len(set(counts.values())) > 1:
+            listed = ", ".join(f"{task} {count}" for task, count in counts.items())
+            raise OptionError(
+                f"A policy takes object states of one size, those of the tasks have {listed}; "
+                "evaluate task by task."
+            )
+        return next(iter(counts.values()))
 
     @property
     def tasks(self) -> list[str]:
@@ -71,6 +106,8 @@ class DuoBenchEnv(EnvConfig):
         return {
             "cameras": tuple(self.cameras),
             "image_size": self.image_size,
+            "action_mode": LABELS[self.action].mode.name,
+            "object_state": self.object_state,
             "render_mode": "rgb_array",
             "render_size": tuple(self.render_size),
             "horizon": self.episode_length,
@@ -107,7 +144,9 @@ class DuoBenchEnv(EnvConfig):
         }
 
     def _vector(self, task: str, count: int, in_processes: bool) -> Any:
-        one = partial(make, task, self.suite_seeds, self.gym_kwargs)
+        one = partial(
+            make, task, self.suite_seeds, self.gym_kwargs, self.action, self.state
+        )
         if count == 1 or not in_processes:
             return gym.vector.SyncVectorEnv(
                 [freeze_after_episode_end(one) for _ in range(count)],
@@ -124,22 +163,51 @@ class DuoBenchEnv(EnvConfig):
         return _LazyAsyncVectorEnv([one] * count, *spaces)
 
 
-def make(task: str, suite_seeds: bool, options: dict[str, Any]) -> gym.Env:
+def make(
+    task: str,
+    suite_seeds: bool,
+    options: dict[str, Any],
+    action: str = "joint",
+    state: tuple[str, ...] = (),
+) -> gym.Env:
     """An environment as LeRobot's loop uses it.
 
     Args:
         task: Id of the task, or its import path "module:ATTRIBUTE".
         suite_seeds: Whether seed n is the n-th episode of the evaluation.
         options: As `duobench.make` takes them.
+        action: Meaning of the actions; see `DuoBenchEnv`.
+        state: What follows joints and openings in the state of the robot.
     """
-    return Episodes(duobench.make(task, **options), catalog.get(task).id, suite_seeds)
+    name = catalog.get(task).id
+    return Episodes(duobench.make(task, **options), name, suite_seeds, action, state)
 
 
 class Episodes(gym.Wrapper):
-    """Plays episode n of a task when it is reset with seed n, and tells the instruction."""
+    """Plays episode n of a task when it is reset with seed n, and tells the instruction.
 
-    def __init__(self, env: gym.Env, task: str, suite_seeds: bool) -> None:
+    Actions and the state of the robot are those of a data set for learning.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        task: str,
+        suite_seeds: bool,
+        action: str,
+        state: tuple[str, ...],
+    ) -> None:
         super().__init__(env)
+        self._labels, self._state = LABELS[action], state
+        if self._labels.rotation_numbers is not None:
+            shape = (len(self._labels.names),)
+            self.action_space = gym.spaces.Box(-np.inf, np.inf, shape, np.float32)
+        seen: Any = env.observation_space
+        parts = [seen[AGENT], *(seen[part] for part in state)]
+        low = np.concatenate([part.low for part in parts])
+        high = np.concatenate([part.high for part in parts])
+        space = gym.spaces.Box(low, high, dtype=np.float32)
+        self.observation_space = gym.spaces.Dict({**seen.spaces, AGENT: space})
         self.task = task
         """Id of the task."""
         self.task_description = ""
@@ -159,4 +227,13 @@ class Episodes(gym.Wrapper):
             seed = episode_seed(self.task, seed)
         observation, info = self.env.reset(seed=seed, options=options)
         self.task_description = info["instruction"]
-        return observation, info
+        return self._seen(observation), info
+
+    def step(self, action: Any) -> Any:
+        """Advance one control step."""
+        (numbers,) = self._labels.to_actions(np.asarray(action)[None])
+        observation, *rest = self.env.step(numbers)
+        return self._seen(observation), *rest
+
+    def _seen(self, observation: dict[str, Any]) -> dict[str, Any]:
+        return {**observation, AGENT: state_labels.shown(observation, self._state)}

@@ -10,8 +10,8 @@ from tyro.constructors import (
 
 from duobench.cli.shared.advice import AdvisedError
 from duobench.core.references import load
-from duobench.core.settings import decode, parse
-from duobench.world.robot.cameras import Camera
+from duobench.core.settings import parse
+from duobench.world.robot.cameras import Camera, camera_of
 
 REGISTRY = ConstructorRegistry()
 """How the command line reads cameras, and names that may be left out for all."""
@@ -21,7 +21,7 @@ def read_camera(text: str) -> str | Camera:
     """A camera of one's own in JSON, or of a path `module:NAME`; anything else is a name."""
     if text.startswith("{"):
         try:
-            return decode(parse(text), Camera, "camera")
+            return camera_of(parse(text))
         except ValueError as error:
             raise AdvisedError(f"{text} is no camera: {error}") from error
     if ":" in text:

@@ -12,6 +12,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from duobench.core.backend import DEPTH, RGB, CameraGeometry
+from duobench.core.codecs import HEVC12
 from duobench.core.errors import (
     DataError,
     OtherRunError,
@@ -30,9 +31,9 @@ from duobench.core.files import (
 from duobench.core.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
 from duobench.core.processes import Progress, run_all
 from duobench.core.randomness import EVAL, SUITE_VERSION, look_number
-from duobench.core.types import CONTROL_HZ, Array
+from duobench.core.types import Array
 from duobench.core.versions import package_versions
-from duobench.core.video import AV1, HEVC12, Frame, VideoWriter
+from duobench.core.video import Frame, VideoWriter
 from duobench.data.dataset import DataSet
 from duobench.data.images import (
     ImageSource,
@@ -44,7 +45,6 @@ from duobench.data.images import (
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.depth import encoded
 from duobench.data.lerobot.folder import (
-    FPS,
     POSE,
     SCHEMA,
     EpisodeFacts,
@@ -58,9 +58,11 @@ from duobench.data.lerobot.folder import (
 from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
 from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
+from duobench.data.rewards import rewards_of
 from duobench.data.schema import Domain
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.envs.camera_options import name_of
+from duobench.envs.rewards import DENSE, PROGRESS, STAGE
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import RANDOM
 from duobench.world.robot.cameras import describe_cameras
@@ -190,7 +192,7 @@ def _plan(
     tasks = set()
     digests = set[str]()
     for number, path in paths:
-        recording, digest = Recording.read(path), digest_of(path)
+        recording, digest = _read(path, options), digest_of(path)
         if _is_wanted(recording, options) and digest not in digests:
             digests.add(digest)
             _check(recording, options, path)
@@ -199,7 +201,7 @@ def _plan(
                 SourceEpisode(
                     file=path.relative_to(sources[number].path).as_posix(),
                     sha256=digest,
-                    length=len(recording),
+                    length=-(-len(recording) // options.every),
                     instruction=recording.info.instruction,
                     data_set=number,
                     domain=recording.info.domain,
@@ -223,6 +225,12 @@ def _plan(
         object_state_names=_object_state_names(tasks) if options.object_state else (),
         cameras=describe_cameras(),
     )
+
+
+def _read(path: Path, options: ExportOptions) -> Recording:
+    """An episode as far as it is exported."""
+    recording = Recording.read(path)
+    return recording if options.after_success else recording.until(recording.steps)
 
 
 def _own_look(
@@ -312,6 +320,11 @@ def _check(
                 f"{path} was recorded on real arms, as videos alone: neither depth nor where "
                 "cameras were is known of its rows. Export the domain sim alone."
             )
+        if options.reward == DENSE:
+            raise DataError(
+                f"{path} was played on real arms, where nothing measures the reward {DENSE!r}; "
+                f"{PROGRESS!r} and {STAGE!r} are known."
+            )
         check_cameras(recording, path, [name_of(each) for each in options.cameras])
 
 
@@ -335,19 +348,24 @@ def _exporter(
         export = plans[folder]
         episode = export.episodes[index]
         path = sources[episode.data_set].path / episode.file
-        recording = Recording.read(path)
+        recording = _read(path, options)
         if digest_of(path) != episode.sha256:
             raise DataError(
                 f"{path} has changed since the export began; begin it anew."
             )
         actions, residual = labels_of(recording, options.action, options.action_source)
-        columns = _rows(recording, actions, export, index)
         counts = {name: no_counts(is_depth=name in depth_of) for name in options.videos}
-        shown = range(options.pairing.offset, options.pairing.offset + len(recording))
+        offset = options.pairing.offset
+        shown = range(offset, offset + len(recording), options.every)
         source = None
-        if not recording.info.is_real and (options.seen or options.object_state):
+        if not recording.info.is_real and options.shows_states:
             source = source_of(sources[episode.data_set].reference(recording.info))
             source.set_look(episode.look or options.look)
+        try:
+            rewards = rewards_of(recording, options.reward, source)
+        except DataError as error:
+            raise DataError(f"{path}: {error}") from error
+        columns = _rows(recording, actions, rewards, export, index)
         if options.videos:
             paths = {name: folder.video(name, index) for name in options.videos}
             with ExitStack() as ending:
@@ -362,7 +380,7 @@ def _exporter(
                     images = ending.enter_context(closing(recorded)).images
                 else:
                     images = partial(_seen, source, depth_of, recording)
-                write_videos(_frames(images, shown, counts), paths, depth_of)
+                write_videos(_frames(images, shown, counts), paths, options)
         if source is not None and OBJECT_STATE in export.vectors:
             columns[OBJECT_STATE] = np.array(
                 [source.objects(recording, row) for row in shown]
@@ -431,16 +449,16 @@ def _frames(
 def write_videos(
     frames: Iterable[Mapping[str, Frame]],
     paths: Mapping[str, Path],
-    depths: Collection[str] = (),
+    options: ExportOptions,
 ) -> None:
     """Encode videos side by side, some of depth; each is whole or absent after a kill."""
     with ExitStack() as stack:
         writers = {}
         for name, path in paths.items():
             temporary = stack.enter_context(replacing(path))
-            codec = HEVC12 if name in depths else AV1
+            codec = HEVC12 if name in options.depth_of else options.codec.encoding
             writers[name] = stack.enter_context(
-                closing(VideoWriter(temporary, codec, FPS))
+                closing(VideoWriter(temporary, codec, options.fps))
             )
         for row in frames:
             for name, writer in writers.items():
@@ -448,26 +466,30 @@ def write_videos(
 
 
 def _rows(
-    recording: Recording, actions: Array, export: Export, index: int
+    recording: Recording, actions: Array, rewards: Array, export: Export, index: int
 ) -> dict[str, NDArray[Any]]:
-    """The columns of an episode, one row an action."""
-    length, offset = len(recording), export.options.pairing.offset
-    number = np.arange(length)
+    """The columns of an episode: each so many rows, with what was paid until the next one."""
+    options, length = export.options, len(recording)
+    firsts = np.arange(0, length, options.every)
+    lasts = np.minimum(firsts + options.every, length) - 1
+    seen_in, number = firsts + options.pairing.offset, np.arange(len(firsts))
     seen = [
         recording.agent_pos,
-        *(getattr(recording, part) for part in export.options.state),
+        *(getattr(recording, part) for part in options.state),
     ]
     return {
-        STATE: np.hstack(seen)[offset : offset + length],
-        ACTION: actions.astype(np.float32),
-        "next.reward": recording.reward.astype(np.float32),
-        "next.done": number == length - 1,
-        "next.success": recording.success[1:],
-        "stage": recording.stage[offset : offset + length],
-        DOMAIN: np.full(length, DOMAINS.index(export.episodes[index].domain)),
-        "timestamp": (number / CONTROL_HZ).astype(np.float32),
+        STATE: np.hstack(seen)[seen_in],
+        ACTION: actions[firsts].astype(np.float32),
+        "next.reward": np.add.reduceat(rewards, firsts).astype(np.float32),
+        "next.done": lasts >= recording.steps - 1,
+        "next.success": recording.success[lasts + 1],
+        "stage": recording.stage[seen_in],
+        DOMAIN: np.full(len(firsts), DOMAINS.index(export.episodes[index].domain)),
+        "timestamp": (number / options.fps).astype(np.float32),
         "frame_index": number,
-        "episode_index": np.full(length, index),
+        "episode_index": np.full(len(firsts), index),
         "index": export.first_row(index) + number,
-        "task_index": np.full(length, export.tasks.index(recording.info.instruction)),
+        "task_index": np.full(
+            len(firsts), export.tasks.index(recording.info.instruction)
+        ),
     }

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import pyarrow as pa
 
+from duobench.core.codecs import HEVC12
 from duobench.core.errors import OtherRunError
 from duobench.core.files import begin_or_continue, differences, read, remove_temporary
 from duobench.core.lerobot_keys import (
@@ -21,8 +22,6 @@ from duobench.core.lerobot_keys import (
     OBJECT_STATE,
     STATE,
 )
-from duobench.core.types import CONTROL_HZ
-from duobench.core.video import AV1, HEVC12
 from duobench.data.lerobot import depth
 from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
@@ -30,11 +29,10 @@ from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
 from duobench.world.robot.camera_geometry import named
 
-SCHEMA = 3
+SCHEMA = 4
 """Version of `Export` and `EpisodeFacts`."""
 CHUNK_SIZE = 1000
 """Files in one folder; fixed by the format's default."""
-FPS = int(CONTROL_HZ)
 POSE = "table_from_camera."
 """Prefix of the columns of poses of cameras that move, in the table frame: (4, 4), row by row."""
 _CELLS = tuple(f"{row}{column}" for row in range(4) for column in range(4))
@@ -305,7 +303,8 @@ def describe(
     images = {}
     for name, size in export.options.videos.items():
         camera = export.options.depth_of.get(name)
-        about = _describe_video(size) if camera is None else _describe_depth(size)
+        about = _describe_video(size, export.options)
+        about |= {} if camera is None else _DEPTH
         images[image_key(name)] = {
             "dtype": "video",
             "shape": [*size, about["video.channels"]],
@@ -319,19 +318,21 @@ def describe(
     return numbers | images | scalars
 
 
-def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
+def _describe_video(size: tuple[int, int], options: ExportOptions) -> dict[str, Any]:
     """Entry of `meta/info.json` about a video, under the keys that LeRobot's own writer uses."""
+    encoding = options.codec.encoding
+    preset = encoding.options["preset"]
     return {
         "video.height": size[0],
         "video.width": size[1],
-        "video.codec": "av1",
-        "video.pix_fmt": AV1.pixel_format,
-        "video.fps": FPS,
+        "video.codec": options.codec,
+        "video.pix_fmt": encoding.pixel_format,
+        "video.fps": options.fps,
         "video.channels": 3,
         "has_audio": False,
-        "video.g": int(AV1.options["g"]),
-        "video.crf": int(AV1.options["crf"]),
-        "video.preset": int(AV1.options["preset"]),
+        "video.g": int(encoding.options["g"]),
+        "video.crf": int(encoding.options["crf"]),
+        "video.preset": int(preset) if preset.isdigit() else preset,
         "video.fast_decode": 0,
         "video.video_backend": "pyav",
         "video.extra_options": {},
@@ -339,17 +340,16 @@ def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
     }
 
 
-def _describe_depth(size: tuple[int, int]) -> dict[str, Any]:
-    return {
-        **_describe_video(size),
-        "video.codec": "hevc",
-        "video.pix_fmt": HEVC12.pixel_format,
-        "video.channels": 1,
-        "video.crf": None,
-        "video.preset": HEVC12.options["preset"],
-        "video.extra_options": {"x265-params": "lossless=1"},
-        **depth.INFO,
-    }
+_DEPTH: dict[str, Any] = {
+    "video.codec": "hevc",
+    "video.pix_fmt": HEVC12.pixel_format,
+    "video.channels": 1,
+    "video.crf": None,
+    "video.preset": HEVC12.options["preset"],
+    "video.extra_options": {"x265-params": "lossless=1"},
+    **depth.INFO,
+}
+"""What is other about a video of depth."""
 
 
 def schema(vectors: Vectors, version: Format = Format.V30) -> pa.Schema:

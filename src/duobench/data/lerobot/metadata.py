@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
 from duobench.core.files import write
-from duobench.core.types import CONTROL_HZ, Array
+from duobench.core.types import Array
 from duobench.core.video import Frame
 from duobench.data.lerobot import depth, v21
 from duobench.data.lerobot.folder import (
     CHUNK_SIZE,
-    FPS,
     Export,
     ExportFolder,
     Residual,
@@ -141,7 +140,7 @@ def _episode(
             f"{prefix}/chunk_index": chunk,
             f"{prefix}/file_index": file,
             f"{prefix}/from_timestamp": 0.0,
-            f"{prefix}/to_timestamp": source.length / CONTROL_HZ,
+            f"{prefix}/to_timestamp": source.length / export.options.fps,
         }
     for feature, values in numbers.items():
         row |= {f"stats/{feature}/{name}": value for name, value in values.items()}
@@ -190,7 +189,7 @@ def _info(export: Export, cameras: Mapping[str, Any]) -> dict[str, Any]:
     data_path, video_path = options.format.paths
     return {
         "codebase_version": options.format,
-        "fps": FPS,
+        "fps": options.fps,
         "features": describe(export, cameras),
         "total_episodes": episodes,
         "total_frames": export.frames,

@@ -242,6 +242,7 @@ def record(  # noqa: PLR0913
     data: DataSet,
     *,
     episodes: int = 50,
+    first: int = 0,
     split: str = TRAIN,
     instructions: str = FIXED,
     keep_failures: bool = False,
@@ -258,6 +259,7 @@ def record(  # noqa: PLR0913
         tasks: What to record.
         data: Where; a data set that holds the same recording is continued.
         episodes: How many successful episodes of each task.
+        first: Index of the first episode of each task; a data set is continued from the same one.
         split: Layouts that the episodes begin with. Those of "eval" are what policies are evaluated
             on: what learns from them cannot be evaluated any more.
         instructions: What the policy is told; see `EnvConfig`.
@@ -287,7 +289,7 @@ def record(  # noqa: PLR0913
     )
     job = Job(
         policy=PolicyChoice(name=policy),
-        suite=Suite(tasks=tuple(tasks), episodes=episodes),
+        suite=Suite(tasks=tuple(tasks), episodes=episodes, first_episode=first),
         limits=limits or TimeLimits(),
         recording=plan,
     )
@@ -392,17 +394,18 @@ class _Log:
         """The episodes to play next: those that are enough if all of them succeed."""
         missing = list[int]()
         kept = 0
-        index = 0
-        wanted = self._run.suite.episodes
+        suite = self._run.suite
+        index, wanted = suite.first_episode, suite.episodes
         while kept < wanted:
             attempt = self._attempts.get((task.id, index))
             if attempt is None:
                 missing.append(index)
             kept += attempt is None or attempt.kept
             index += 1
-            if index > MAX_EPISODES_PER_SUCCESS * wanted:
+            played = index - suite.first_episode
+            if played > MAX_EPISODES_PER_SUCCESS * wanted:
                 raise TooFewSuccessesError(
-                    f"Only {kept - len(missing)} of the first {index - len(missing)} episodes of "
+                    f"Only {kept - len(missing)} of the first {played - len(missing)} episodes of "
                     f"{task.id} succeeded; {wanted} are wanted. What succeeded is kept."
                 )
         return missing

@@ -18,12 +18,14 @@ from duobench.core.errors import (
     NoObjectStatesError,
     OtherRunError,
     PolicyError,
+    UnknownNumbersError,
     check_known,
 )
 from duobench.core.files import read_object, write
 from duobench.core.lerobot_keys import (
     ACTION,
     DOMAIN,
+    DOMAINS,
     FEATURE_NAMES,
     FORMAT,
     IMAGE_PREFIX,
@@ -38,6 +40,8 @@ from duobench.core.machine import install_extra
 from duobench.core.randomness import SUITE_VERSION
 from duobench.core.types import CONTROL_HZ
 from duobench.envs import action_labels, state_labels
+from duobench.envs.action_labels import LABELS
+from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.envs.state_labels import StatePart
 from duobench.policy.training.recipes import (
@@ -53,7 +57,9 @@ from duobench.world.robot.cameras import POLICY_CAMERAS
 PROGRAM = "lerobot-train"
 ALL = "all"
 """Stands for every task of a data set."""
-_NOTED = "meta/duobench"
+_INFO, _NOTED = "meta/info.json", "meta/duobench"
+_SIMULATED = DOMAINS[0]
+"""Folder of simulated episodes beside real ones, as the paper's authors publish a task."""
 _DESCRIBING = ("meta/tasks.parquet", "meta/episodes/chunk-000/file-000.parquet")
 PLUGIN = "lerobot_env_duobench"
 """Distribution that lets the column `domain` reach X-VLA."""
@@ -70,6 +76,8 @@ class Training:
     names: Mapping[str, Sequence[str]]
     """Names of the numbers of its features."""
     suite_version: str | None
+    notes: tuple[str, ...] = ()
+    """Sentences about what was assumed of the data, and what of it is left out."""
 
     def command(self, more: Sequence[str] = ()) -> list[str]:
         """The command; more options, `--name=value`, take the place of those of the same name."""
@@ -111,6 +119,7 @@ def plan_all(
     steps: int | None = None,
     small: bool = False,
     domain_ids: bool = False,
+    assume: str | None = None,
 ) -> tuple[Training, ...]:
     """Prepare one training, or one for each task where a policy learns one task.
 
@@ -125,8 +134,12 @@ def plan_all(
         small: Whether to take the recipe for a processor.
         domain_ids: Whether the policy is told which episodes are simulated and which are real, and
             where it plays in an evaluation.
+        assume: Mode of the actions, as an export names it, where their names do not say it; a state
+            of 16 numbers is then joints and openings.
     """
     data = data.absolute()
+    if assume is not None:
+        check_known("action mode of an export", assume, LABELS)
     wanted = () if ALL in tasks else tuple(tasks)
     one = partial(
         _plan,
@@ -135,27 +148,39 @@ def plan_all(
         small=small,
         domain_ids=domain_ids,
     )
-    folders = {
-        path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")
-    }
-    if folders:  # of an export with a data set for each task
+    folders = _folders(data)
+    if folders:  # a data set for each task
         for task in wanted:
             check_known(f"task in {data}", task, folders)
         sources = [
-            (task, LearningData(folders[task])) for task in wanted or sorted(folders)
+            (task, LearningData(folders[task], assume, task))
+            for task in wanted or sorted(folders)
         ]
         if not all(_recipe(kind, small, source).one_task for _, source in sources):
             raise DataError(
                 f"{kind} learns several tasks from one data set, and {data} holds one for each "
-                "task: export all tasks into one."
+                "task: export all tasks into one, or merge them with lerobot-edit-dataset."
             )
         return tuple(one(source, out / task) for task, source in sources)
-    source = LearningData(data)
+    is_published = (data / _SIMULATED / _INFO).exists()
+    source = (
+        LearningData(data / _SIMULATED, assume, data.name)
+        if is_published
+        else LearningData(data, assume)
+    )
     is_alone = ALL not in tasks and len(set(tasks)) <= 1
     if is_alone or not _recipe(kind, small, source).one_task:
         return (one(source, out, tasks=wanted),)
     learned = _tasks(source, wanted, needed=True)
     return tuple(one(source, out / task, tasks=[task]) for task in learned)
+
+
+def _folders(data: Path) -> dict[str, Path]:
+    """The data sets of a folder by task: TASK, or TASK/sim as the paper's authors publish them."""
+    found = [path.parents[1] for path in data.glob(f"*/{_INFO}")]
+    folders = {path.name: path for path in found if path.name not in DOMAINS}
+    simulated = (path.parents[1] for path in data.glob(f"*/{_SIMULATED}/{_INFO}"))
+    return folders or {path.parent.name: path for path in simulated}
 
 
 def _plan(
@@ -194,6 +219,7 @@ def _plan(
         )
     if domain_ids:
         settings.append(_domain_setting(kind, recipe, source))
+    seen = {one.option: one for one in source.seen}
     out = out.absolute()
     if out.exists():
         config = _check_same(out, kind, source, rows)
@@ -205,7 +231,8 @@ def _plan(
     else:
         free = max((os.cpu_count() or 1) - 1, 0)
         settings += [
-            *recipe.settings,
+            *(one for one in recipe.settings if one.option not in seen),
+            *seen.values(),
             Setting("num_workers", str(min(recipe.workers, free)), "ours: free cores"),
             Setting("policy.push_to_hub", "false", "ours: it stays here"),
             Setting("output_dir", str(out), "given"),
@@ -219,6 +246,7 @@ def _plan(
         tasks=learned,
         names=source.names,
         suite_version=source.suite_version,
+        notes=tuple(source.notes),
     )
 
 
@@ -345,11 +373,19 @@ class LearningData:
     """A data set in LeRobot's format that a policy can learn from, as far as its JSON files tell.
 
     Any writer's will do: this package's export, a merge, or a set of one's own.
+
+    Args:
+        path: Its folder.
+        assume: Mode of its actions, where their names do not say it.
+        task: The task of all its episodes, where only the name of a folder says it.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(
+        self, path: Path, assume: str | None = None, task: str | None = None
+    ) -> None:
         self.path = path
-        info = self._read("meta/info.json")
+        self._task = task
+        info = self._read(_INFO)
         if info is None:
             raise DataError(
                 f"{path} holds no data set of LeRobot: there is no meta/info.json. Recordings must "
@@ -359,30 +395,116 @@ class LearningData:
             raise DataError(
                 f"{path} has LeRobot's format {info.get('codebase_version')}; {FORMAT} is needed."
             )
-        lost = self._lost(info.get("total_episodes") or 0)
+        self._episodes = info.get("total_episodes") or 0
+        lost = self._lost(self._episodes)
         if lost:
             raise DataError(
                 f"{path / lost[0]} is not as the export left it; such files: {len(lost)}. Export "
                 "again: the same command goes on and writes what is missing."
             )
-        self._features = info.get("features") or {}
-        problems = list(_problems(info, self._features))
-        if problems:
-            raise DataError(
-                f"Nothing that plays here can be learned from {path}: {' '.join(problems)}"
-            )
+        features = info.get("features")
+        self._features = features if isinstance(features, dict) else {}
+        self.notes: list[str] = []
+        """Sentences about what was assumed of it, and what of it is left out."""
         found = {key: feature_names(info, key) for key in (STATE, OBJECT_STATE, ACTION)}
         self.names = {
             key: list(map(str, names)) for key, names in found.items() if names
         }
-        """Names of the numbers of its features, where it says so."""
-        self.suite_version = (self._read("meta/duobench.json") or {}).get(SUITE)
+        """Names of the numbers of its features, where it says so or where it is assumed."""
+        unknown = [*self._name_actions(assume), *self._name_state(assume)]
+        problems = [*unknown, *self._problems(info)]
+        if problems:
+            error = UnknownNumbersError if unknown else DataError
+            raise error(
+                f"Nothing that plays here can be learned from {path}: {' '.join(problems)}"
+            )
+        self.seen = self._choose()
+        """Option that leaves out what no policy sees here; none where all can be seen."""
+        about = self._read("meta/duobench.json") or {}
+        self.suite_version = about.get(SUITE)
         """Version of the suite that its episodes are of, where it says so."""
         if self.suite_version not in (None, SUITE_VERSION):
             raise DataError(
                 f"{path} is of suite {self.suite_version}; this version has suite {SUITE_VERSION}, "
                 "whose episodes are others. Record or generate and export them again."
             )
+        options = about.get("options")
+        if isinstance(options, Mapping) and options.get("after_success") is False:
+            self.notes.append(
+                "Its episodes end at success, so it shows little of how hands open, and nothing of "
+                "how they retreat; an export can hold what was recorded after success."
+            )
+
+    def _name_actions(self, assume: str | None) -> Iterator[str]:
+        """Name the numbers of the actions; yields why that is impossible."""
+        given = self.names.get(ACTION)
+        known = LABELS[assume or JOINT.name]
+        labels = action_labels.find(given) if given and not assume else known
+        if labels is None:
+            yield self._unknown(ACTION, "which no action mode has")
+        else:
+            self._name(ACTION, f"{labels.mode.name} actions", labels.names)
+
+    def _name_state(self, assume: str | None) -> Iterator[str]:
+        """Name the numbers of the state; yields why that is impossible."""
+        parts = state_labels.find(self.names.get(STATE, JOINT_NAMES))
+        if parts is None and assume is None:
+            tools = ", ".join(StatePart.TCP_POSE.names)
+            yield self._unknown(
+                STATE,
+                f"{', '.join(JOINT_NAMES)} are needed, and tool poses may follow: {tools}",
+            )
+        else:
+            names = state_labels.names_of(parts or ())
+            self._name(STATE, "joints and openings", names)
+
+    def _unknown(self, key: str, why: str) -> str:
+        names = self.names[key]
+        listed = ", ".join(names[:_LISTED]) + (", …" if len(names) > _LISTED else "")
+        return (
+            f"Its {key} has {len(names)} numbers, {listed}; {why}. If they are those of a mode "
+            "under other names, in the same order and units, say of which."
+        )
+
+    def _name(self, key: str, what: str, names: Sequence[str]) -> None:
+        given = self.names.get(key)
+        if given != list(names):
+            called = f"names of its own ({given[0]}, …)" if given else "no names"
+            self.notes.append(
+                f"Assumed: {key}, which has {called}, is {len(names)} numbers of {what}, "
+                f"{names[0]} to {names[-1]}, in this benchmark's order and units."
+            )
+        self.names[key] = list(names)
+
+    def _problems(self, info: Mapping[str, Any]) -> Iterator[str]:
+        """Reasons why a policy that learns from it cannot play here, a sentence each."""
+        if info.get("fps") != CONTROL_HZ:
+            yield f"It has {info.get('fps')} rows a second; {CONTROL_HZ:g} are needed."
+        for key in (ACTION, STATE):
+            shape, size = _shape(self._features.get(key)), len(self.names[key])
+            if shape != [size]:
+                yield f"{key} has shape {shape}; [{size}] is needed."
+        for part in state_labels.find(self.names[STATE]) or ():
+            if part not in state_labels.SHOWN:
+                yield f"{STATE} holds {part}, which no environment shows; export without it."
+
+    def _choose(self) -> tuple[Setting, ...]:
+        """The features that can be seen here, where there are others beside them."""
+        others = [
+            key
+            for key in self._features
+            if key.startswith("observation") and key not in _SEEN
+        ]
+        if not others:
+            return ()
+        why = f"left out: {', '.join(others)}, which no policy sees here"
+        self.notes.append(f"{why[0].upper()}{why[1:]}.")
+        inputs = {
+            key: {"type": _TYPES.get(key, "VISUAL"), "shape": _channels_first(feature)}
+            for key, feature in self._features.items()
+            if key in _SEEN
+        }
+        return (Setting("policy.input_features", json.dumps(inputs), why),)
 
     def _lost(self, episodes: int) -> list[str]:
         """Files of an export that are missing or not whole; of other writers' none are known."""
@@ -405,7 +527,7 @@ class LearningData:
         """The task of each episode; None if nothing says so, as in a merged data set."""
         about = self._read("meta/duobench.json")
         if about is None:
-            return None
+            return None if self._task is None else [self._task] * self._episodes
         try:
             return [Path(episode["file"]).parent.name for episode in about["episodes"]]
         except (KeyError, TypeError) as error:
@@ -417,7 +539,9 @@ class LearningData:
     @property
     def has_images(self) -> bool:
         """Whether there are images of a camera."""
-        return any(key.startswith(IMAGE_PREFIX) for key in self._features)
+        return any(
+            key.startswith(IMAGE_PREFIX) for key in self._features if key in _SEEN
+        )
 
     @property
     def holds_objects_alone(self) -> bool:
@@ -432,54 +556,22 @@ class LearningData:
         return domains.get("min") != domains.get("max")
 
 
-def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
-    """Reasons why a policy that learns from a data set cannot play here, a sentence each."""
-    if info.get("fps") != CONTROL_HZ:
-        yield f"It has {info.get('fps')} rows a second; {CONTROL_HZ:g} are needed."
-    if not isinstance(features, Mapping):
-        features = {}
-    names = feature_names(info, ACTION)
-    labels = action_labels.find(JOINT_NAMES if names is None else names)
-    if labels is None:
-        yield (
-            f"Its actions are {', '.join(map(str, names or ()))}, which no action mode has; see "
-            "the page lerobot for the names."
-        )
-    else:
-        yield from _wrong_shape(features, ACTION, len(labels.names))
-    yield from _state_problems(features, feature_names(info, STATE))
-    for key in features:
-        if key.startswith("observation") and key not in _SEEN:
-            yield f"There is no {key} here; a policy sees {', '.join(_SEEN)}."
-
-
-def _state_problems(
-    features: Mapping[str, Any], names: list[Any] | None
-) -> Iterator[str]:
-    """Problems that keep a policy from seeing the state that it learned from."""
-    parts = state_labels.find(names or JOINT_NAMES)
-    if parts is None:
-        yield (
-            f"{STATE} is {', '.join(map(str, names or ()))}; {', '.join(JOINT_NAMES)} are needed, "
-            f"and tool poses may follow: {', '.join(StatePart.TCP_POSE.names)}."
-        )
-        return
-    yield from _wrong_shape(features, STATE, len(state_labels.names_of(parts)))
-    for part in parts:
-        if part not in state_labels.SHOWN:
-            yield f"{STATE} holds {part}, which no environment shows; export without it."
-
-
 _SEEN = (STATE, OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_CAMERAS))
 """Features that an environment can show, under the names of a data set."""
+_TYPES = {STATE: "STATE", OBJECT_STATE: "ENV"}
+"""Kinds of these features to LeRobot; the others are images."""
+_LISTED = 3
+"""Names of numbers that a message shows."""
 
 
-def _wrong_shape(
-    features: Mapping[str, Any],
-    key: str,
-    size: int,
-) -> Iterator[str]:
-    feature = features.get(key)
+def _shape(feature: object) -> list[int] | None:
+    """Shape of a feature, where the data set says it."""
     shape = feature.get("shape") if isinstance(feature, Mapping) else None
-    if list(shape or ()) != [size]:
-        yield f"{key} has shape {shape}; [{size}] is needed."
+    return list(shape) if isinstance(shape, list) else None
+
+
+def _channels_first(feature: Mapping[str, Any]) -> list[int] | None:
+    """Shape of a feature as LeRobot's policies have it."""
+    shape, names = _shape(feature), feature.get("names")
+    is_last = isinstance(names, list) and names[-1:] in (["channel"], ["channels"])
+    return [shape[-1], *shape[:-1]] if shape and is_last else shape

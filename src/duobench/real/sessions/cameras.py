@@ -16,9 +16,10 @@ from typing import Any
 import gymnasium as gym
 
 from duobench.core.backend import Image
+from duobench.core.codecs import VP9
 from duobench.core.errors import BackendError, RenderingError, VideoError
 from duobench.core.types import CONTROL_HZ
-from duobench.core.video import VP9, VideoWriter, jpeg
+from duobench.core.video import VideoWriter, jpeg
 from duobench.evaluation.rollouts import Info, Observation, Step
 from duobench.real.canonical import NATIVE
 from duobench.real.clock import SystemClock

@@ -3,7 +3,7 @@
 It reads the same descriptions as the stages do, and decides nothing: no stage, record or score
 depends on it. Conjunctions are as near as their parts on average, alternatives as the nearest of
 them, and what says how far off it is (`Predicate.off`) is nearer the less that is. Of one episode
-it is a number, of n at once an array (n,), equal but for rounding.
+it is a number, of n at once an array (n,) of the same numbers.
 """
 
 import operator

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from duobench.core.spatial import SE3, length
+from duobench.core.spatial import SE3, length, product
 from duobench.core.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
 from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
 from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
@@ -58,7 +58,7 @@ SHORTENINGS = 5
 OPTIMAL = 1
 """Status of DAQP for a found solution."""
 
-_TCP_FROM_WRIST = LINK7_FROM_TCP.inverse()
+_WRIST_IN_TOOL = LINK7_FROM_TCP.inverse().translation
 _NO_ROWS = np.zeros((0, ARM_JOINTS))
 """No limits but bounds of the joints themselves."""
 
@@ -70,7 +70,7 @@ def within_reach(
 ) -> SE3:
     """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
     shoulder = SHOULDERS[side]
-    away = (tool @ _TCP_FROM_WRIST).translation - shoulder
+    away = product(tool.rotation, _WRIST_IN_TOOL) + tool.translation - shoulder
     distance = length(away)
     excess = max(0.0, distance - reach)
     return tool.moved(*(-excess * away / distance)) if excess else tool

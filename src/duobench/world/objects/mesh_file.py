@@ -176,7 +176,8 @@ def check_size(file: Path, points: Array, mass: float | None, units: str = "m") 
             f"{file.name} is {edge:.4g} m long, read in {units}, and an object is {SMALLEST:g} to "
             f"{LONGEST:g} m long. It would be {others}."
         )
-    if mass is not None and not (isinstance(mass, Real) and 0 < mass <= MOST_MASS):
+    is_mass = isinstance(mass, Real) and not isinstance(mass, bool)
+    if mass is not None and not (is_mass and 0 < mass <= MOST_MASS):
         raise TaskError(
             f"The mass of {file.name} is in kg, above 0 and at most {MOST_MASS:g}; got {mass!r}."
         )

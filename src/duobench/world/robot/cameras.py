@@ -12,7 +12,7 @@ square pixels and no housing.
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -164,6 +164,8 @@ _REACH = 2.0
 """Largest coordinate of a camera in the frame of a flange, in metres."""
 _LONGEST = 100.0
 """Largest coordinate of a point that a camera looks at, in metres: beyond it is another unit."""
+_NEAREST = 1e-6
+"""Smallest distance of the point that a camera looks at, in metres."""
 _PARALLEL = 1e-6
 """Sine of the angle to the upright direction below which a camera looks along it."""
 
@@ -205,7 +207,8 @@ class Camera:
         check_known(f"frame of camera {self.name!r}", self.on, MOUNTS)
         for name in ("position", "look_at"):
             object.__setattr__(self, name, self._point(name))
-        if self.position == self.look_at:
+        eye, target = np.array(self.position), np.array(self.look_at)
+        if length(target - eye) < _NEAREST:
             raise OptionError(
                 f"Camera {self.name!r} looks at its own position {self.position}; look_at is "
                 "another point, in the middle of its image."
@@ -276,6 +279,25 @@ class Camera:
             raise OptionError(
                 f"Camera {self.name!r} is {where}, at {words} m; got {self.position}."
             )
+
+
+def camera_of(given: Mapping[str, Any]) -> Camera:
+    """A camera of one's own from its fields, whose values may be as loose as `Camera` takes them.
+
+    Raises:
+        OptionError: A value is invalid, or missing.
+        UnknownNameError: There is no such field.
+    """
+    known = [each.name for each in fields(Camera)]
+    for name in given:
+        check_known("field of a camera", name, known)
+    missing = [name for name in ("name", "position", "look_at") if name not in given]
+    if missing:
+        raise OptionError(
+            f"A camera has a name, a position and look_at; {', '.join(missing)} is missing in "
+            f"{dict(given)!r}."
+        )
+    return Camera(**given)
 
 
 def _check_name(name: object) -> None:

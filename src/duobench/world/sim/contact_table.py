@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.spatial import hypot, sum_of_products
+from duobench.core.spatial import sum_of_products
 from duobench.core.types import SIDES, Array, Side
 from duobench.world.sim.contacts import (
     MIN_LEVER,
@@ -93,7 +93,7 @@ class ContactTable(ContactOwners):
         for side in SIDES:
             left, right = self._pad_bodies[side]
             across = (centres[:, right] - centres[:, left]).T
-            across = across / hypot(*across)
+            across = across / np.sqrt(sum_of_products(across, across))
             for finger, inwards in zip(self._limbs[side][:2], (1.0, -1.0), strict=True):
                 found, partner, sign = self._contacts_of(
                     self._one == finger, self._other == finger
