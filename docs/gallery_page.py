@@ -10,13 +10,14 @@ from itertools import groupby
 from pathlib import Path
 
 import PIL.Image
-from gallery_shots import FOLDER, STAGE_SIZE, camera_file, stage_file
+from gallery_shots import FOLDER, LOOK, STAGE_SIZE, camera_file, stage_file
 from PIL import ImageDraw, ImageFont
 
 from duobench.core.errors import DuoBenchError
 from duobench.core.types import CONTROL_HZ
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
+from duobench.world.looks.catalog import DEFAULT
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
 PAGE = "gallery.md"
@@ -77,8 +78,10 @@ def page(folder: Path) -> str:
         "",
         "Written and rendered by `make docs`. First how an episode begins, from the overview "
         "camera and as a policy sees it, from the head and the two wrists; then the scripted "
-        "expert at every stage, a moment after it is reached. `replays/TASK.html` shows a whole "
-        "episode of it in 3D, in a browser and without a network.",
+        "expert at every stage, a moment after it is reached. Policies' images are in the look "
+        f"`{DEFAULT}`, the others in [`{LOOK}`](looks.md#the-studio). "
+        "`replays/TASK.html` shows a whole episode of it in 3D, in a browser and without a "
+        "network.",
     ]
     for category, members in groupby(tasks, key=lambda task: task.category):
         lines += ["", f"## {category.capitalize()}"]

@@ -15,8 +15,8 @@ START_SIZE = (540, 960)
 CAMERA_SIZE = (180, 320)
 STAGE_SIZE = (480, 640)
 """Height and width in pixels: the start, what a policy's camera shows of it, a stage."""
-LOOK = "default"
-"""How the images look, all but those of a policy's cameras."""
+LOOK = "studio"
+"""How the images look, all but those of a policy's cameras; it needs Vulkan."""
 SAMPLES = 16
 QUALITY = 82
 FILM = "film.avif"

@@ -9,13 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from duobench.core.backend import DEPTH, RGB, SEGMENTATION
 from duobench.core.errors import RenderingError
 from duobench.core.spatial import SE3
 from duobench.world.looks.catalog import LOOKS, look
 from duobench.world.looks.look import CLASSIC, STUDIO, CameraOffset, Light, Look, Material
-from duobench.world.robot.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
+from duobench.world.objects import WHITE, Image, Prop, Solid, block, box, printable
+from duobench.world.objects.solid import Texture
+from duobench.world.robot.cameras import HEAD, OVERVIEW, POLICY_CAMERAS, Camera
 from duobench.world.scene.naming import TABLE
 from duobench.world.sim import rendering_process
+from duobench.world.sim.layout import Layout
 from duobench.world.sim.opengl import VULKAN
 from duobench.world.sim.rendering import Renderer, describe
 from duobench.world.sim.simulation import Simulation
@@ -23,6 +27,7 @@ from tests.world.sim.props import at_reset
 
 SIZE = 96
 Draw = Callable[..., np.ndarray]
+Point = tuple[float, float, float]
 NAMES = [name for name, each in LOOKS.items() if each.renderer == STUDIO]
 ROOM = look("studio")
 
@@ -154,6 +159,70 @@ def test_what_a_model_hides_is_not_there_nor_its_shadow(draw: Draw, simulation: 
     # A shadow map takes in all that is there, so that other texels of it fall on an edge.
     assert np.mean(np.abs(away - hidden).max(axis=2) > 8) < 0.005
     assert np.mean(np.abs(away - plain).max(axis=2) > 8) > 0.01
+
+
+def test_depth_and_parts_are_those_of_the_classic_renderer_beside_its_colours(
+    simulation: Simulation, renderer: Renderer
+) -> None:
+    moved = replace(ROOM, cameras={HEAD: CameraOffset(position=(0.1, 0.05, 0.0))})
+    whole, half = (SIZE, SIZE), (SIZE // 2, SIZE * 3 // 4)
+    kinds = {DEPTH: {HEAD: half}, SEGMENTATION: {HEAD: half, OVERVIEW: whole}}
+    renderer.set_look(moved)
+    found = renderer.render_kinds(simulation.data, {RGB: {HEAD: half, OVERVIEW: whole}, **kinds})
+    alone = renderer.render_all(simulation.data, [OVERVIEW])
+    renderer.set_look(replace(moved, renderer=CLASSIC))
+    classic = renderer.render_kinds(simulation.data, kinds)
+    assert {name: image.shape[:2] for name, image in found[RGB].items()} == {
+        HEAD: half,
+        OVERVIEW: whole,
+    }
+    assert np.array_equal(found[RGB][OVERVIEW], alone[OVERVIEW])
+    for kind, images in classic.items():
+        assert images.keys() == found[kind].keys()
+        assert all(np.array_equal(image, found[kind][name]) for name, image in images.items())
+
+
+@pytest.mark.parametrize(
+    ("on", "position", "look_at"),
+    [
+        ("table", (0.2, -0.9, 0.6), (0.5, 0.0, 0.0)),
+        ("left_flange", (0.12, 0.05, 0.0), (0.12, 0.0, 0.4)),
+    ],
+)
+def test_cameras_of_ones_own_show_what_the_classic_renderer_shows(
+    simulation: Simulation, renderer: Renderer, on: str, position: Point, look_at: Point
+) -> None:
+    camera = Camera(name="side", position=position, look_at=look_at, on=on)
+    wanted = {camera: (SIZE // 2, SIZE), replace(camera, name="small"): (SIZE // 3, SIZE // 4)}
+    red = {"table": Material(colour=(0.9, 0.0, 0.0))}
+    renderer.set_look(Look(renderer=STUDIO, parts=red))
+    found = renderer.render_kinds(simulation.data, {RGB: wanted, SEGMENTATION: wanted})
+    for one in wanted:
+        image = found[RGB][one.name].astype(int)
+        seen = image[..., 0] - image[..., 1:].max(axis=2) > 50
+        table = found[SEGMENTATION][one.name] == simulation.model.geom(TABLE).id
+        assert 0.1 < table.mean() < 0.9
+        assert np.sum(seen & table) > 0.9 * np.sum(seen | table)
+
+
+@pytest.mark.usefixtures("_vulkan")
+def test_an_object_keeps_a_texture_of_its_own_unless_a_look_has_another() -> None:
+    mesh = printable(block(0.1, 0.1, 0.1, WHITE))
+    texels = np.zeros((2, 1, 3), dtype=np.uint8)
+    texels[0, 0] = (0, 255, 0)  # the upper half of the picture
+    corners = np.full((3 * len(mesh.faces), 2), 0.1, dtype=np.float32)
+    texture = Texture(texels=texels, corners=corners)
+    image = Image(mesh=mesh, rgba=(1.0, 1.0, 1.0, 1.0), texture=texture)
+    solid = Solid(shapes=(box(0.1, 0.1, 0.1),), rgba=WHITE, images=(image,))
+    one = Simulation((Prop(name="block", solid=solid),))
+    one.apply(Layout(poses={"block": SE3.at(0.5, 0.0, 0.05)}, variants={}))
+    green = []
+    with Renderer(one.model, height=SIZE, width=SIZE) as renderer:
+        for other in (ROOM, replace(ROOM, colour_variation=1.0), look("textured_objects")):
+            renderer.set_look(replace(other, renderer=STUDIO))
+            seen = renderer.render(one.data, HEAD).astype(int)
+            green.append(np.sum(seen[..., 1] - seen[..., [0, 2]].max(axis=2) > 50) > 20)
+    assert green == [True, True, False]
 
 
 def test_edges_are_smooth_and_the_mean_of_many_is_the_same_picture(

@@ -167,6 +167,13 @@ class StudioRenderer:
         self._part_of = {
             geom: part for part, geoms in parts_of(model).items() for geom in geoms
         }
+        textured = np.append(np.any(model.mat_texid >= 0, axis=1), False)
+        self._own_textures = {
+            geom: self._geom(geom).get_material().color_texture
+            for geom in np.flatnonzero(textured[model.geom_matid]).tolist()
+            if geom not in self._part_of
+        }
+        """Of objects, by geom."""
         seen = model.geom_group < VISIBLE_GROUPS
         for geom in set(self._robot.geoms[seen[self._robot.geoms]].tolist()):
             self._scene.remove_renderable(self._geom(geom))
@@ -246,7 +253,7 @@ class StudioRenderer:
         self._fine_materials.clear()
         for name in ("_request", "_read", "_target", "_furniture", "_planes"):
             delattr(self, name)
-        for name in ("_fine_geoms", "_geoms"):
+        for name in ("_own_textures", "_fine_geoms", "_geoms"):
             delattr(self, name)
         for name in ("_lights", "_around", "_sky", "_textures", "_scene", "_context"):
             delattr(self, name)
@@ -397,7 +404,6 @@ class StudioRenderer:
         """Make the materials of all geoms but those that have a texture of the model's own."""
         self._textures = [self._texture(each) for each in self._appearance.textures]
         model = self._model
-        textured = np.any(model.mat_texid >= 0, axis=1)
         self._materials = {}
         seen = model.geom_group < VISIBLE_GROUPS
         hidden = set(np.flatnonzero(seen & (model.geom_rgba[:, 3] == 0.0)).tolist())
@@ -413,12 +419,9 @@ class StudioRenderer:
             )
         ]
         for geom in np.flatnonzero(seen).tolist():
-            part = self._part_of.get(geom)
             chosen = self._appearance.by_geom.get(geom)
-            material = int(model.geom_matid[geom])
-            own = material >= 0 and bool(textured[material])
-            if part is not None or chosen is not None or not own:
-                self._materials[geom] = self._material(geom, part)
+            if chosen is not None or geom not in self._own_textures:
+                self._materials[geom] = self._material(geom, self._part_of.get(geom))
 
     def _fine_material(self, geom: int, name: str) -> Any:
         """Material of a fine image of a geom; a look paints the covers."""
@@ -448,6 +451,8 @@ class StudioRenderer:
                 repeat = 1 / _METAL_PATCH if mesh else 0.5
                 material.uv_scale = np.array([repeat, -repeat, 1.0], np.float32)
                 material.uv_offset = np.array([-0.5, -0.5, 0.0], np.float32)
+        elif geom in self._own_textures:
+            material.color_texture = self._own_textures[geom]
         return material
 
 
