@@ -334,7 +334,7 @@ for words; do "$PYTHON" -P -m duobench $words || exit; done
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(
     os.geteuid() != 0 or shutil.which("unshare") is None, reason="needs root and unshare"
 )

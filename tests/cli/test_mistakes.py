@@ -129,8 +129,11 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("render bin_sort --seed -1", "from 0 on, got -1"),
         ("render bin_sort --cameras haed", "Did you mean 'head'"),
         ("render bin_sort --cameras {bad", "{bad is no camera: Expecting property name"),
-        ('render bin_sort --cameras {"nam":"side"}', "key of camera 'nam'. Did you mean 'name'"),
-        ('render bin_sort --cameras {"name":"side"}', "missing required field `position`"),
+        (
+            'render bin_sort --cameras {"nam":"side"}',
+            "field of a camera 'nam'. Did you mean 'name'",
+        ),
+        ('render bin_sort --cameras {"name":"side"}', "position, look_at is missing"),
         ("render bin_sort --cameras mistaken:side", "mistaken has no camera 'side'"),
         ("export lerobot demos --out OUT --depth haed", "Did you mean 'head'"),
         ("render bin_sort --out /proc/run", "/proc/run cannot be the folder"),

@@ -79,7 +79,7 @@ def test_there_is_one_way_to_install_this_package() -> None:
     assert {word: files for word, files in wrong.items() if not form.fullmatch(word)} == {}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("word", OURS)
 def test_what_is_named_installs_this_package(word: str, wheel: Path, tmp_path: Path) -> None:
     """In a new folder, without dependencies, from an index that has this package alone."""

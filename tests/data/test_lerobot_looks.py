@@ -56,7 +56,7 @@ def test_an_episode_is_rendered_in_the_look_that_is_noted(
         assert 10 * np.log10(255**2 / errors[index]) > MIN_PSNR_DB
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_looks_depend_on_no_number_of_workers_and_on_no_interruption(
     original: DataSet, exported: Path, tmp_path: Path
 ) -> None:

@@ -202,7 +202,7 @@ def test_openpi_finds_its_statistics(exported: Path) -> None:
             np.testing.assert_allclose(stats[key][name], numbers, rtol=1e-9, err_msg=name)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_export_goes_on_in_its_format_alone(
     original: DataSet, exported: Path, tmp_path: Path
 ) -> None:

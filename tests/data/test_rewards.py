@@ -58,7 +58,7 @@ def steps(solved: DataSet) -> int:
 @pytest.mark.parametrize(
     "task",
     [
-        pytest.param(name, marks=() if name == QUICK else pytest.mark.slow)
+        pytest.param(name, marks=() if name == QUICK else pytest.mark.long)
         for name in catalog.names()
     ],
 )

@@ -150,7 +150,7 @@ def corners(pages: list[Read]) -> list[tuple[int, int]]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("paper", Paper)
 @pytest.mark.parametrize("name", catalog.names())
 def test_sheets_begin_at_the_jig_and_each_lies_beside_an_earlier_one(

@@ -85,7 +85,7 @@ def one(play: Callable[..., Any]) -> tuple[RunFolder, Any, Any]:
     return folder, run, record
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_video_made_later_is_that_of_the_evaluation(play):
     folder, _ = play("Glances", episodes=2, videos=2)  # which end in the middle of a chunk
     paths = sorted(folder.path.glob("videos/*/*/*.webm"))

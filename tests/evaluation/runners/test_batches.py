@@ -90,7 +90,7 @@ def test_policy_that_hangs_fails_its_episode_only(play, undisturbed, workers):
     assert but(episodes(folder), "wave/00000.json") == but(undisturbed, "wave/00000.json")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(play, undisturbed):
     folder, results = play(named(toy_batches.Breaks), workers=2, episodes=3)
     reasons = {r.episode: r.reason for one in results.tasks for r in one.records if r.error}

@@ -239,7 +239,7 @@ def test_batch_policy_that_searches_its_process_finds_no_simulator(play):
     assert searched == plain
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("policy", "workers", "error", "message"),
     [

@@ -479,7 +479,7 @@ def test_failure_is_of_whom_the_page_says(
     assert case.says in said
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_episode_is_alone_until_it_ends_after_a_policy_of_several_was_lost(
     play: Any, tmp_path: Path
 ) -> None:

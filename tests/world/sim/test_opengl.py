@@ -186,7 +186,7 @@ def test_variables_that_change_nothing_are_no_hindrance(variables: dict[str, str
     assert described(**variables) == ""
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "variable", ["__EGL_VENDOR_LIBRARY_FILENAMES", "LIBGL_DRIVERS_PATH", "GALLIUM_DRIVER"]
 )
