@@ -7,10 +7,12 @@ from pathlib import Path
 
 import tyro
 
+from duobench.cli.shared.cameras import read_camera
 from duobench.cli.shared.console import say
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
 from duobench.results.folder import RunFolder
+from duobench.world.robot.cameras import view_from
 
 _PAGE = PageOptions()
 
@@ -20,6 +22,7 @@ def run(
     tasks: tuple[str, ...] = (),
     page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
     look: str = "default",
+    camera: str | None = None,
     import_tasks: bool = False,
     follow: bool = False,
 ) -> None:
@@ -36,6 +39,8 @@ def run(
         page: Where the page is served.
         look: Look of the scene, without textures: wood_table, dark, random:7, ... (see
             the page looks).
+        camera: Where the page looks from at first: head, or a camera of your own on the table, as
+            JSON or module:NAME.
         import_tasks: Import tasks of episodes that are not of the benchmark, which runs the code of
             the modules that the data set or the run names.
         follow: Follow a run that is going on, or is going to be started: successes so far, the
@@ -45,6 +50,7 @@ def run(
     from duobench.evaluation.replay.sources import FollowedRun, open_view
     from duobench.evaluation.replay.viewer import Viewer
 
+    view = None if camera is None else view_from(read_camera(camera))
     source = (
         None
         if follow
@@ -53,6 +59,7 @@ def run(
             look,
             tasks,
             import_tasks=import_tasks,
+            view=view,
         )
     )
     with closing(page.serve()) as server:
@@ -60,7 +67,7 @@ def run(
         if source is None:
             folder = RunFolder(Path(what))
             source = run = FollowedRun(
-                folder, server, look, tasks, import_tasks=import_tasks
+                folder, server, look, tasks, import_tasks=import_tasks, view=view
             )
         viewer = Viewer(source, server, run and run.refresh)
         with stopping(viewer.stop):

@@ -23,6 +23,7 @@ from duobench.core.errors import DuoBenchError
 from duobench.core.spatial import SE3, matrix_from_wxyz
 from duobench.core.types import Array
 from duobench.web.shading import (
+    as_camera,
     camera_of,
     cells_for,
     colours_of,
@@ -32,6 +33,7 @@ from duobench.web.shading import (
 )
 from duobench.world.looks.clutter import pieces
 from duobench.world.looks.look import Look
+from duobench.world.robot.cameras import View
 from duobench.world.scene.naming import FLOOR
 from duobench.world.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
 from duobench.world.sim.appearance import Appearance
@@ -98,7 +100,12 @@ class Geometry:
         AssetError: An image file of the look cannot be read.
     """
 
-    def __init__(self, model: mujoco.MjModel, look: Look | None = None) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        look: Look | None = None,
+        view: View | None = None,
+    ) -> None:
         is_visible = (model.geom_group < COLLISION_GEOM_GROUP) & (
             model.geom_rgba[:, 3] > 0
         )
@@ -132,7 +139,7 @@ class Geometry:
             "corners": sum(piece.shape.corners.size for piece in surfaces),
             "layers": [_size(surfaces, layer) for layer in range(3)],
             "bodies": len(self.bodies),
-            "camera": camera_of(model),
+            "camera": camera_of(model) if view is None else as_camera(view),
             **lights_of(model, look),
         }
         """Counts; corners of the room, of what else casts no shadow, and of what does; camera for

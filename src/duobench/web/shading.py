@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from duobench.core.spatial import matrix_from_wxyz
 from duobench.core.types import Array
 from duobench.world.looks.look import Light, Look
-from duobench.world.robot.cameras import OVERVIEW, OVERVIEW_VIEW
+from duobench.world.robot.cameras import OVERVIEW, OVERVIEW_VIEW, View
 from duobench.world.robot.workcell import SHADOW_CENTRE
 from duobench.world.sim.appearance import Appearance, Texture
 
@@ -61,12 +61,7 @@ def camera_of(model: mujoco.MjModel) -> dict[str, Any]:
     """The camera for people: `eye` (3,), `target` (3,) in metres, `fovy` in degrees."""
     names = [model.camera(number).name for number in range(model.ncam)]
     if OVERVIEW not in names:
-        view = OVERVIEW_VIEW
-        return {
-            "eye": list(view.eye),
-            "target": list(view.target),
-            "fovy": view.fovy_deg,
-        }
+        return as_camera(OVERVIEW_VIEW)
     camera = names.index(OVERVIEW)
     eye = np.array(model.cam_pos[camera])
     forward = -matrix_from_wxyz(model.cam_quat[camera])[:, 2]
@@ -75,6 +70,15 @@ def camera_of(model: mujoco.MjModel) -> dict[str, Any]:
         "eye": _rounded(eye),
         "target": _rounded(eye + distance * forward),
         "fovy": round(float(model.cam_fovy[camera]), _DIGITS),
+    }
+
+
+def as_camera(view: View) -> dict[str, Any]:
+    """A view as the page takes it, like `camera_of`."""
+    return {
+        "eye": list(view.eye),
+        "target": list(view.target),
+        "fovy": view.fovy_deg,
     }
 
 

@@ -7,13 +7,14 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from duobench.core.errors import EvaluationError, UnknownNameError
+from duobench.core.errors import EvaluationError, OptionError, UnknownNameError
 from duobench.data import DataSet, Recording
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
@@ -31,9 +32,11 @@ from duobench.results.scores import wilson_interval
 from duobench.tasks import catalog
 from duobench.web.geometry import Geometry
 from duobench.web.server import PageServer
+from duobench.world.robot.cameras import HEAD_POSITION, Camera, view_from
 from tests.data.tools import HORIZON, TASK, recorded
 from tests.evaluation import toy_tasks
 from tests.web.pages import get
+from tests.web.scene_file import read_scene
 
 MILLIMETRE = 1e-3
 
@@ -68,6 +71,22 @@ def test_a_task_is_shown_as_its_reset_leaves_it(opened):
     other = source.load("4").poses()
     assert other.shape == third.poses().shape
     assert np.abs(other[..., :3] - third.poses()[..., :3]).max() > 0.01
+
+
+def test_a_page_looks_from_a_camera_that_stands_still(opened, data):
+    side = Camera(name="side", position=(0.5, 1.2, 0.5), look_at=(0.5, 0.0, 0.1), fovy_deg=40.0)
+    seen = {"eye": [0.5, 1.2, 0.5], "target": [0.5, 0.0, 0.1], "fovy": 40.0}
+    for what, item in (("bin_sort", "0"), (str(data), f"{TASK}/00000")):
+        trajectory = opened(what, view=view_from(side)).load(item)
+        assert read_scene(trajectory.scene_data).header["camera"] == seen
+    head = view_from("head")
+    assert head.eye == HEAD_POSITION
+    assert head.target[2] == pytest.approx(0.0, abs=1e-12)
+    assert head.fovy_deg == pytest.approx(51.9, abs=0.05)
+    with pytest.raises(UnknownNameError, match="stands still"):
+        view_from("left_wrist")
+    with pytest.raises(OptionError, match="'side' moves with an arm"):
+        view_from(replace(side, on="left_flange"))
 
 
 def test_a_recorded_episode_is_shown_as_its_states_were(data, opened):

@@ -30,6 +30,7 @@ from duobench.tasks.task import Task
 from duobench.web.server import PageServer
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
+from duobench.world.robot.cameras import View
 
 LAYOUTS = 20
 FAILURES = 5
@@ -59,10 +60,12 @@ class TaskSource:
     Its layouts are those of `duobench render --seed`.
     """
 
-    def __init__(self, task: str | Task, look: str | Look = DEFAULT) -> None:
+    def __init__(
+        self, task: str | Task, look: str | Look = DEFAULT, view: View | None = None
+    ) -> None:
         self._task, self._look = catalog.get(task), as_look(look)
         self._env: Latest[SimEnv] = Latest()
-        self._scenes = SceneCache()
+        self._scenes = SceneCache(view)
         self.title = self._task.title
         self.items = [
             Item(id=str(seed), title=f"Layout {seed}") for seed in range(LAYOUTS)
@@ -85,7 +88,11 @@ class DataSource:
     """The episodes of a data set, as their recorded states are."""
 
     def __init__(
-        self, data: DataSet, look: str | Look = DEFAULT, tasks: Sequence[str] = ()
+        self,
+        data: DataSet,
+        look: str | Look = DEFAULT,
+        tasks: Sequence[str] = (),
+        view: View | None = None,
     ) -> None:
         self._data, self._look = data, as_look(look)
         self.title = data.path.name
@@ -94,7 +101,7 @@ class DataSource:
         }
         self.items = [_recorded(name, path) for name, path in self._paths.items()]
         self._source: Latest[ImageSource] = Latest()
-        self._scenes = SceneCache()
+        self._scenes = SceneCache(view)
 
     def load(self, item: str) -> Trajectory:
         """Collect the poses of every recorded state."""
@@ -140,6 +147,7 @@ class RunSource:
         tasks: Sequence[str] = (),
         *,
         import_tasks: bool = False,
+        view: View | None = None,
     ) -> None:
         self._look, self._reader = as_look(look), run
         self.run = run.read_run()
@@ -153,7 +161,7 @@ class RunSource:
         """Records of all finished episodes, by the ids of their items."""
         self.items: list[Item] = []
         self._player = RecordPlayer(self.run, import_tasks=import_tasks)
-        self._scenes = SceneCache()
+        self._scenes = SceneCache(view)
         self.refresh()
 
     def refresh(self) -> None:
@@ -218,12 +226,14 @@ class FollowedRun:
         tasks: Sequence[str] = (),
         *,
         import_tasks: bool = False,
+        view: View | None = None,
     ) -> None:
         self.title = folder.path.name
         self._folder, self._server = folder, server
         self._look = as_look(look)
         self._tasks = tasks
         self._import_tasks = import_tasks
+        self._view = view
         self._source: RunSource | None = None
         self._finished_at: dict[str, float] = {}
 
@@ -274,7 +284,11 @@ class FollowedRun:
             return {"note": "Nothing is written yet."}
         if self._source is None:
             self._source = RunSource(
-                self._folder, self._look, self._tasks, import_tasks=self._import_tasks
+                self._folder,
+                self._look,
+                self._tasks,
+                import_tasks=self._import_tasks,
+                view=self._view,
             )
             self.title = self._source.title
         source = self._source
@@ -333,6 +347,7 @@ def open_view(
     tasks: Sequence[str] = (),
     *,
     import_tasks: bool = False,
+    view: View | None = None,
 ) -> ViewSource:
     """Return the source that a word names: a data set, a run or a bundle by its path, or a task.
 
@@ -341,6 +356,7 @@ def open_view(
         look: How it looks.
         tasks: Only the episodes of these tasks; of all if none is named.
         import_tasks: See `RunSource`.
+        view: Where the page looks from at first; None is the task's overview.
     """
     path = Path(what)
     if (path / DATA_SET).exists():
@@ -353,6 +369,7 @@ def open_view(
             ),
             look,
             tasks,
+            view,
         )
     elif path.is_file() or (path / RUN).exists():
         source = RunSource(
@@ -360,13 +377,14 @@ def open_view(
             look,
             tasks,
             import_tasks=import_tasks,
+            view=view,
         )
     elif path.exists() and catalog.plain(what) not in catalog.names():
         raise EvaluationError(
             f"{what} holds neither a data set ({DATA_SET}) nor an evaluation ({RUN})."
         )
     else:
-        return TaskSource(what, look)
+        return TaskSource(what, look, view)
     if not source.items:
         raise EvaluationError(f"{what} has no finished episode to view.")
     return source

@@ -13,6 +13,7 @@ from duobench.tasks.task import Task
 from duobench.web import track
 from duobench.web.geometry import Geometry
 from duobench.world.looks.look import Look
+from duobench.world.robot.cameras import View
 from duobench.world.sim.simulation import Simulation
 
 
@@ -51,18 +52,24 @@ class Trajectory:
 
 
 class SceneCache:
-    """The geometry of what is shown, made again only when it changes."""
+    """The geometry of what is shown, made again only when it changes.
+
+    Args:
+        view: Where a page looks from at first; None is the task's overview.
+    """
 
     _geometry: Geometry
 
-    def __init__(self) -> None:
+    def __init__(self, view: View | None = None) -> None:
+        self._view = view
         self._shown: object = None
 
     def of(self, simulation: Simulation, look: Look) -> Geometry:
         """The geometry of a simulation in its layout's variants, in a look."""
         wanted = (simulation, dict(simulation.variants), look)
         if self._shown != wanted:
-            self._geometry, self._shown = Geometry(simulation.model, look), wanted
+            self._geometry = Geometry(simulation.model, look, self._view)
+            self._shown = wanted
         return self._geometry
 
 

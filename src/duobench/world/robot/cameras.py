@@ -281,6 +281,39 @@ class Camera:
             )
 
 
+def view_from(camera: str | Camera) -> View:
+    """The view of a camera that stands still: the head, or one of one's own on the table.
+
+    Raises:
+        UnknownNameError: There is no such camera.
+        OptionError: It moves with an arm.
+    """
+    if isinstance(camera, str):
+        check_known("camera that stands still", camera, (HEAD,))
+        pose = CAMERAS[camera].pose
+        forward = -pose.rotation[:, 2]
+        eye = pose.translation
+        target = eye - forward * (eye[2] / forward[2])  # on the table
+        half = NATIVE_HEIGHT / 2 / CAMERAS[camera].focal
+        x, y, z = eye.tolist()
+        at_x, at_y, at_z = target.tolist()
+        return View(
+            eye=(x, y, z),
+            target=(at_x, at_y, at_z),
+            fovy_deg=math.degrees(2 * math.atan(half)),
+        )
+    if camera.on != "table":
+        raise OptionError(
+            f"Camera {camera.name!r} moves with an arm; a view begins at one that stands on the "
+            "table."
+        )
+    return View(
+        eye=camera.position,
+        target=camera.look_at,
+        fovy_deg=camera.fovy_deg,
+    )
+
+
 def camera_of(given: Mapping[str, Any]) -> Camera:
     """A camera of one's own from its fields, whose values may be as loose as `Camera` takes them.
 
