@@ -20,7 +20,7 @@ TRIES = 6
 """Seeds that are tried until the deed is done: it may fail by physics, but not on all."""
 SEEDS, MOST = range(5), 4
 """Seeds of layouts on which some ways are all tried, and of how many the deed is done at least."""
-USUAL, OFTEN_PLAYED = 3, 6
+USUAL, OFTEN_PLAYED = 3, 4
 """Adversaries and sincere ways of a task that `make test` plays, and that CI does; the others are
 long."""
 OFTEN = {
