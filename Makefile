@@ -44,7 +44,7 @@ demo: setup  ## Evaluate the scripted experts, three episodes a task; leaves dem
 	$(BIN)/duobench eval --policy expert --episodes 3 --workers 2 --videos $$videos --out $(DEMO_RUN) && \
 	{ [ $$videos = 1 ] || $(BIN)/duobench report $(DEMO_RUN) --replays all; }
 
-test: check  ## Check format, lint and types, then run the tests; seven minutes on two cores.
+test: check  ## Check format, lint and types, then run the tests; eight minutes on two cores.
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "$(TESTS)"
 
 test-all: setup-test  ## Run what `make test` leaves out: slow tests, the fuzzer, the site, the distributions.
