@@ -223,6 +223,7 @@ class Teleoperation:
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
+            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
             "stage_changes": [list(change) for change in self._stage_changes],
             "note": AWAY if self._is_paused else self.note,
         }
@@ -258,6 +259,7 @@ class Teleoperation:
         backend = self.env.base.backend
         intent = self.device.intend(now_s, self._seen, backend.last_command)
         self.env.clutch = intent.clutch
+        self._limited = intent.limited
         try:
             _, _, terminated, truncated, info = self.env.step(intent.action)
         except BackendError as error:
@@ -381,6 +383,7 @@ class Teleoperation:
         self._seen: DuoState = env.base.backend.read()
         self._steps = 0
         self._stage_changes: list[list[int]] = []
+        self._limited = (False, False)
         self._is_paused, self.note = False, ""
         self.device.begin(env.base.backend.last_command)
         self.haptics.begin()
