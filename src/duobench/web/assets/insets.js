@@ -3,7 +3,6 @@
 import { make } from "./controls.js";
 
 const [NEAR, FAR] = [0.01, 7]; // metres
-const FAST_MS = 14; // an image of the scene that takes longer leaves time for one inset
 const MOST_PIXELS = 1.5; // a CSS pixel, along both sides
 
 /** `v` turned by a quaternion `[w, x, y, z]`. */
@@ -42,6 +41,7 @@ export class Insets {
   mark = () => {};
   #place;
   #tiles = [];
+  #active = null;
   #turn = 0;
 
   constructor(place) {
@@ -56,29 +56,39 @@ export class Insets {
       const picture = make("canvas", { class: "picture", role: "img", "aria-label": `${title} camera` });
       const words = make("figcaption", {}, make("b", {}, title));
       const figure = make("figure", { "data-camera": camera.name }, picture, words);
-      return { camera, figure, picture, pen: picture.getContext("2d") };
+      return { camera, figure, picture, pen: picture.getContext("2d"), when: 0 };
     });
     const items = this.#tiles.map(({ figure }) => make("li", {}, figure));
     this.#place.querySelector("ul").replaceChildren(...items);
     this.#place.hidden = false;
   }
 
-  /** Say which arm is led: its camera is the bright one. */
+  /** Say which arm is led: its camera is the bright one, and drawn most often. */
   set active(side) {
+    this.#active = side;
     for (const { camera, figure } of this.#tiles) {
       const isOther = camera.body && side && !camera.name.startsWith(side);
       figure.dataset.state = isOther ? "other" : "live";
     }
   }
 
-  /** Draw them with a scene's graphics, all or the next one, before the scene itself is drawn. */
-  paint(gl, scene, milliseconds) {
+  /**
+   * Draw the next one with a scene's graphics, before the scene itself is drawn.
+   *
+   * One at a time, so that they cost little where no graphics card draws. Returns whether one
+   * still shows what was before.
+   */
+  paint(gl, scene) {
     const poses = scene.poses;
-    if (!poses || !this.#tiles.length) return;
-    const count = milliseconds < FAST_MS ? this.#tiles.length : 1;
-    for (let i = 0; i < count; i++) {
-      this.#draw(gl, scene, poses, this.#tiles[this.#turn++ % this.#tiles.length]);
-    }
+    if (!poses) return false;
+    const old = this.#tiles.filter(({ shown }) => shown !== poses);
+    if (!old.length) return false;
+    const isActive = ({ camera }) => this.#active && camera.name.startsWith(this.#active);
+    const next = (this.#turn++ % 2 && old.find(isActive)) || old.toSorted((a, b) => a.when - b.when)[0];
+    next.shown = poses;
+    next.when = this.#turn;
+    this.#draw(gl, scene, poses, next);
+    return old.length > 1;
   }
 
   #draw(gl, scene, poses, { camera, picture, pen }) {

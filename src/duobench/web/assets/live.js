@@ -37,7 +37,7 @@ class Live {
     this.#insets = new Insets(cameras);
     this.#marks = new Marks(document.querySelector(".screen"));
     this.#insets.mark = (...where) => this.#marks.into(...where);
-    this.#view.onBegin = (gl, took) => this.#insets.paint(gl, this.#view.scene, took);
+    this.#view.onBegin = (gl) => this.#insets.paint(gl, this.#view.scene);
     this.#view.onDraw = () => this.#drawMarks();
     this.#connection = Connection.home();
     this.#status = new Status(document, (message) => this.#connection.tell(message));
@@ -97,9 +97,9 @@ class Live {
     const poses = new Float32Array(frame, FRAME_HEAD, count);
     this.#waiting = poses;
     this.#marks.place(new Float32Array(frame, FRAME_HEAD + 4 * count));
-    this.#view.scene.setPoses(poses);
+    const isNew = this.#view.scene.setPoses(poses);
     this.#status.showStep(head.getUint32(8, true));
-    this.#latency?.arrived(head.getFloat64(16, true));
+    if (isNew) this.#latency?.arrived(head.getFloat64(16, true));
   }
 
   /** What drives is loaded only where the server takes hands. */
