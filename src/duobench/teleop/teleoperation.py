@@ -223,7 +223,10 @@ class Teleoperation:
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
-            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
+            "limited": {
+                str(side): self._limited[side.index] and self.device.clutch[side.index]
+                for side in SIDES
+            },
             "stage_changes": [list(change) for change in self._stage_changes],
             "note": AWAY if self._is_paused else self.note,
         }

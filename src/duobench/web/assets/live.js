@@ -4,6 +4,7 @@ import { Cameras } from "./cameras.js";
 import { Connection } from "./connection.js";
 import { Insets } from "./insets.js";
 import { Marks } from "./marks.js";
+import { Notices } from "./notices.js";
 import { Status } from "./status.js";
 import { View } from "./view.js";
 import { Views } from "./views.js";
@@ -24,6 +25,7 @@ class Live {
   #hands = null; // a part of it
   #insets;
   #marks;
+  #notices;
   #views;
   #latency = null; // of what drives
   #run = null; // what shows a run that goes on, once it was loaded
@@ -35,7 +37,10 @@ class Live {
     const cameras = document.querySelector("#cameras");
     this.#cameras = new Cameras(cameras, isCovered);
     this.#insets = new Insets(cameras);
-    this.#marks = new Marks(document.querySelector(".screen"));
+    const screen = document.querySelector(".screen");
+    this.#marks = new Marks(screen);
+    this.#notices = new Notices(screen);
+    this.#notices.onSilence = (isSilent) => isSilent && this.#status.showPing(null);
     this.#insets.mark = (...where) => this.#marks.into(...where);
     this.#view.onBegin = (gl) => this.#insets.paint(gl, this.#view.scene);
     this.#view.onDraw = () => this.#drawMarks();
@@ -51,6 +56,7 @@ class Live {
       this.#cameras.lost();
     });
     this.#connection.addEventListener("message", ({ data }) => {
+      this.#notices.heard();
       if (typeof data === "string") this.#receive(JSON.parse(data));
       else this.#place(data);
     });
@@ -62,10 +68,13 @@ class Live {
     else if (message.kind === "status") {
       this.#status.show(message);
       if (message.run) this.#follow(message);
-      this.#marks.limited = message.limited ?? {};
+      this.#limit(message.limited ?? {});
       if (message.clutch && !this.#inputs) this.#inputs = this.#loadInputs();
     } else if (message.kind === "cameras") this.#cameras.show(message.cameras);
-    else if (message.kind === "role") this.#status.showRole(message);
+    else if (message.kind === "role") {
+      this.#status.showRole(message);
+      this.#notices.taken(this.#status.taken);
+    }
     else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
     else if (message.kind === "refused") this.#status.say(message.reason);
   }
@@ -132,6 +141,12 @@ class Live {
     this.#status.canBeDriven();
   }
 
+  #limit(limited) {
+    this.#marks.limited = limited;
+    this.#notices.limit(limited);
+    this.#drawMarks();
+  }
+
   #drawMarks() {
     const canvas = document.querySelector("canvas");
     this.#marks.active = this.#insets.active = this.#hands?.isDriving ? this.#hands.active : null;
@@ -140,7 +155,10 @@ class Live {
 
   /** A run that goes on; what shows it is loaded only where there is one. */
   async #follow({ run, report, ended }) {
-    if (ended) this.#connection.end();
+    if (ended) {
+      this.#connection.end();
+      this.#notices.heard(false);
+    }
     if (report) return location.replace(report);
     this.#run ??= import("./run.js");
     const { showRun } = await this.#run;

@@ -25,6 +25,7 @@ export class Status {
   #items = "";
   #isDrivable = false;
   #isDriver = false;
+  #hasDriven = false; // and was not replaced since
   #role = null;
 
   constructor(page, tell) {
@@ -74,11 +75,20 @@ export class Status {
   showRole(role) {
     this.#role = role;
     this.#isDriver = role.role === "driver";
+    this.#hasDriven ||= this.#isDriver;
     this.#showDriving();
   }
 
+  /** Who drives in place of this page, in words; empty while nobody does. */
+  get taken() {
+    const isTaken = this.#hasDriven && !this.#isDriver && this.#role?.drivers > 0;
+    return isTaken ? `${this.#other} took over.` : "";
+  }
+
+  /** Show how long the server took to answer; null while it does not. */
   showPing(milliseconds) {
-    this.#write(".ping", `${Math.round(milliseconds)} ms to the server`);
+    const time = milliseconds === null ? "–" : Math.round(milliseconds);
+    this.#write(".ping", `${time} ms to the server`);
   }
 
   showStep(step) {
@@ -159,7 +169,8 @@ export class Status {
   #showDriving() {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
-    const driving = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const other = drivers ? `${this.#other} drives` : "Nobody drives";
+    const driving = role === "driver" ? "You drive" : other;
     const words = [
       this.#isDrivable && driving,
       watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
@@ -180,6 +191,11 @@ export class Status {
     wording.hidden = !this.#isDriver;
     const input = wording.querySelector("input");
     if (document.activeElement !== input) input.value = instruction ?? "";
+  }
+
+  /** The name of somebody else who drives, where the server says it. */
+  get #other() {
+    return this.#last.operator || "Another page";
   }
 
   #part(selector) {
