@@ -102,9 +102,7 @@ class Recentre(PageMessage, frozen=True):
 
 
 class Alone(PageMessage, frozen=True):
-    """Let the world run though nobody leads, or only while somebody does."""
-
-    on: bool
+    """Let the world run though nobody leads, or no longer."""
 
 
 class Instruction(PageMessage, frozen=True):

@@ -289,8 +289,10 @@ class Teleoperation:
                     self._discard()
                 case Restore():
                     self._restore()
-                case Alone(on=on):
-                    self.pace.is_alone = on and self._state in _RUNNING
+                case Alone():
+                    self.pace.is_alone = (
+                        self._state in _RUNNING and not self.pace.is_alone
+                    )
                 case Instruction(text=text):
                     self._instruct(text.strip())
         return False
