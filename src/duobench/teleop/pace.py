@@ -97,8 +97,9 @@ class Pace:
 
     def note_step(self, *, is_at_rest: bool) -> None:
         """A control step was made, after which everything is at rest, or is not."""
-        self._after_led += 1
-        self._quiet = self._quiet + 1 if is_at_rest else 0
+        if self.phase is not Phase.LED:
+            self._after_led += 1
+            self._quiet = self._quiet + 1 if is_at_rest else 0
 
     @property
     def _is_over(self) -> bool:
