@@ -248,6 +248,7 @@ class Teleoperation:
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
+            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
             "stage_changes": [list(change) for change in self._stage_changes],
             "note": self._said(),
         }
@@ -320,6 +321,7 @@ class Teleoperation:
     def _step(self, intent: Intent) -> None:
         before = self._judge.get_state()
         self.env.clutch = intent.clutch
+        self._limited = intent.limited
         try:
             _, _, terminated, truncated, info = self.env.step(intent.action)
         except BackendError as error:
@@ -444,6 +446,7 @@ class Teleoperation:
         self._seen: DuoState = env.base.backend.read()
         self._steps = 0
         self._stage_changes: list[list[int]] = []
+        self._limited = (False, False)
         self._is_paused, self.note = False, ""
         self.pace.begin()
         self.device.begin(env.base.backend.last_command)
