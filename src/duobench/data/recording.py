@@ -141,6 +141,18 @@ class Recording:
             return _info_of(pq.read_schema(file if is_path else pa.BufferReader(file)))
 
     @staticmethod
+    def read_checksum(path: Path) -> str:
+        """SHA-256 of what a file says about the episode as a whole, which tells it from others.
+
+        Raises:
+            DataError: See `read`.
+        """
+        with _reading(path):
+            schema = pq.read_schema(path)
+            _info_of(schema)  # which checks it
+            return schema.metadata[_CHECKSUM_KEY].decode()
+
+    @staticmethod
     def read_length(path: Path) -> int:
         """Number of actions of a recording; fast, with the errors of `read`."""
         with _reading(path):
