@@ -158,6 +158,17 @@ class Recording:
         with _reading(path):
             return pq.read_metadata(path).num_rows - 1
 
+    @staticmethod
+    def read_led(path: Path) -> int:
+        """Number of actions in which a hand led an arm; of all where nothing says who led."""
+        with _reading(path):
+            names = pq.read_schema(path).names
+            if "clutch" not in names:
+                return Recording.read_length(path)
+            table = pq.read_table(path, columns=["clutch"])
+            clutch = to_numpy(table.column("clutch").combine_chunks()[:-1])
+            return int(clutch.any(axis=1).sum())
+
     def write(self, path: Path) -> None:
         """Write it in one atomic step, or raise an `OutputError`."""
         write(path, self.to_bytes())

@@ -8,6 +8,7 @@ names by its checksum, not for another one that later has the same name.
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
@@ -166,7 +167,7 @@ class Reviews:
             DataError: The file cannot be read.
         """
         found = self._of.get(name_of(episode), [])
-        facts = Recording.read_checksum(episode) if found else ""
+        facts = _checksum(episode, episode.stat().st_mtime_ns) if found else ""
         return [review for review in found if review.facts == facts]
 
     def of(self, episode: Path) -> Judgement:
@@ -248,6 +249,11 @@ class Reviews:
         known = set(self.reviews)
         missing = dict.fromkeys(review for review in moved if review not in known)
         self.append(sorted(missing, key=lambda review: review.at))
+
+
+@lru_cache(maxsize=4096)
+def _checksum(episode: Path, changed_ns: int) -> str:  # noqa: ARG001 - of a file that may change
+    return Recording.read_checksum(episode)
 
 
 def name_of(episode: Path) -> str:
