@@ -1,6 +1,6 @@
 """Teleoperation on a page: one visitor drives the arms, and all others watch.
 
-Thirty control steps a second, or one for each message.
+Thirty turns a second, or one for each message; a turn is a control step while the world runs.
 """
 
 import threading
@@ -21,7 +21,7 @@ from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.server import PageServer
 
-_QUIET = ("step", "lost")
+_QUIET = ("step", "led_s", "lost")
 """Fields of a status that change all the time, sent once in a while or with others."""
 _TURNS = 6
 """Turns of the loop after which it is sent at the latest: a drag is measured where the tool is."""

@@ -29,6 +29,9 @@ class Live {
   #views;
   #latency = null; // of what drives
   #run = null; // what shows a run that goes on, once it was loaded
+  #takes = null; // what takes a second look at recordings, once it was loaded
+  #items = [];
+  #selected = null;
 
   constructor() {
     const canvas = document.querySelector("canvas");
@@ -67,9 +70,14 @@ class Live {
     if (message.kind === "scene") this.#load(message);
     else if (message.kind === "status") {
       this.#status.show(message);
+      this.#selected = message.selected;
+      this.#offer();
       if (message.run) this.#follow(message);
       this.#limit(message.limited ?? {});
       if (message.clutch && !this.#inputs) this.#inputs = this.#loadInputs();
+    } else if (message.kind === "items") {
+      this.#items = message.items;
+      this.#offer();
     } else if (message.kind === "cameras") this.#cameras.show(message.cameras);
     else if (message.kind === "role") {
       this.#status.showRole(message);
@@ -151,6 +159,14 @@ class Live {
     const canvas = document.querySelector("canvas");
     this.#marks.active = this.#insets.active = this.#hands?.isDriving ? this.#hands.active : null;
     this.#marks.draw(this.#view.orbit, canvas.clientWidth, canvas.clientHeight);
+  }
+
+  /** What can be chosen; a second look at takes is loaded only where there are some. */
+  async #offer() {
+    if (!this.#items[0]?.take) return this.#status.offer(this.#items, this.#selected);
+    const tell = (message) => this.#connection.tell(message);
+    this.#takes ??= import("./takes.js").then(({ Takes }) => new Takes(document, tell));
+    (await this.#takes).show(this.#items, this.#selected);
   }
 
   /** A run that goes on; what shows it is loaded only where there is one. */
