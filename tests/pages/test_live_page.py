@@ -186,7 +186,7 @@ def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
     page.get_by_role("button", name="Drive").click()
     page.get_by_role("button", name="Left arm").click()
     wait(page, lambda: len(hands()) > 3)
-    box = page.locator("canvas").bounding_box()
+    box = page.locator("canvas").first.bounding_box()
     assert box
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(*middle)

@@ -91,6 +91,16 @@ export class Insets {
     return old.length > 1;
   }
 
+  /** The same for a headset: all pictures from left to right, where one was drawn anew. */
+  pictures(gl, scene) {
+    const before = this.#turn;
+    this.paint(gl, scene);
+    const order = ["left_wrist", "head", "right_wrist"];
+    const place = ({ camera }) => order.indexOf(camera.name);
+    const tiles = this.#tiles.toSorted((one, other) => place(one) - place(other));
+    return this.#turn === before ? null : tiles.map(({ picture }) => picture);
+  }
+
   #draw(gl, scene, poses, { camera, picture, pen }) {
     const density = Math.min(window.devicePixelRatio || 1, MOST_PIXELS);
     const width = Math.min(gl.canvas.width, Math.round(picture.clientWidth * density));
@@ -102,7 +112,10 @@ export class Insets {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.clearColor(0, 0, 0, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const showsRoom = scene.showsRoom;
+    scene.showsRoom = true;
     scene.draw(view, projection, [0, gl.canvas.height - height, width, height]);
+    scene.showsRoom = showsRoom;
     pen.drawImage(gl.canvas, 0, 0, width, height, 0, 0, width, height);
     this.mark(pen, view, projection, width, height);
   }

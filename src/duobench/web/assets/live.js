@@ -82,6 +82,7 @@ class Live {
     else if (message.kind === "role") {
       this.#status.showRole(message);
       this.#notices.taken(this.#status.taken);
+      this.#drawMarks();
     }
     else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
     else if (message.kind === "refused") this.#status.say(message.reason);
@@ -135,6 +136,12 @@ class Live {
       this.#drawMarks();
       hands.latency.drawn((call) => requestAnimationFrame(call));
     };
+    headset.pictures = (gl) => this.#insets.pictures(gl, this.#view.scene);
+    const mark = hands.onActive;
+    hands.onActive = (side) => {
+      mark(side);
+      this.#drawMarks();
+    };
     this.#hands = hands;
     this.#view.scene.isLitFromAbove = true;
     this.#views = new Views({
@@ -147,6 +154,7 @@ class Live {
     this.#views.cameras = this.#view.scene.header?.cameras ?? [];
     this.#status.latency = () => hands.latency.ms;
     this.#status.canBeDriven();
+    this.#drawMarks();
   }
 
   #limit(limited) {
@@ -157,7 +165,8 @@ class Live {
 
   #drawMarks() {
     const canvas = document.querySelector("canvas");
-    this.#marks.active = this.#insets.active = this.#hands?.isDriving ? this.#hands.active : null;
+    const active = this.#status.isDriver && this.#hands ? this.#hands.active : null;
+    this.#marks.active = this.#insets.active = active;
     this.#marks.draw(this.#view.orbit, canvas.clientWidth, canvas.clientHeight);
   }
 

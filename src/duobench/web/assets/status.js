@@ -86,6 +86,11 @@ export class Status {
     this.#showDriving();
   }
 
+  /** Whether this page drives. */
+  get isDriver() {
+    return this.#isDriver;
+  }
+
   /** Who drives in place of this page, in words; empty while nobody does. */
   get taken() {
     const isTaken = this.#hasDriven && !this.#isDriver && this.#role?.drivers > 0;
