@@ -123,11 +123,17 @@ class TriggeredGripper:
 
     When a trigger comes into view, it first says nothing: a held object must not fall because a
     controller was picked up with its trigger released. From its first movement on it is followed.
+
+    Args:
+        opening: Opening at first, 0 closed to 1 open.
+        meets: Whether a trigger is followed only from where it says what the opening is, or passes
+            that: so a gripper that another has led does not jump.
     """
 
-    def __init__(self, opening: float = 1.0) -> None:
+    def __init__(self, opening: float = 1.0, *, meets: bool = False) -> None:
         self.opening = opening
         """0 closed to 1 open."""
+        self._meets = meets
         self._seen: float | None = None
         self._is_followed = False
 
@@ -139,7 +145,11 @@ class TriggeredGripper:
         """Take over what the trigger says, once it was moved."""
         if self._seen is None:
             self._seen = trigger
-        self._is_followed = self._is_followed or abs(trigger - self._seen) > MEANT
+        is_moved = abs(trigger - self._seen) > MEANT
+        if self._meets:
+            low, high = sorted((self._seen, trigger))
+            is_moved = low - MEANT <= 1.0 - self.opening <= high + MEANT
+        self._is_followed = self._is_followed or is_moved
         if self._is_followed:
             self.opening = 1.0 - trigger
 
@@ -157,6 +167,11 @@ class LedArm:
         """A new episode waits, with the gripper at an opening."""
         self.clutch.open()
         self.gripper = TriggeredGripper(opening)
+        self._rest = None
+
+    def follow(self, opening: float) -> None:
+        """Something else leads the arm, and has its gripper at an opening."""
+        self.gripper = TriggeredGripper(opening, meets=True)
         self._rest = None
 
     def lead(
@@ -227,10 +242,20 @@ class HandDevice:
         self._has_seen_open, self._led = False, set()
         self.led_by, self.executed_ms = "", math.nan
 
+    def follow(self, command: DuoCommand) -> None:
+        """Something else leads: hands that take over begin where the arms are commanded to be."""
+        for side, arm in self._arms.items():
+            arm.follow(float(command.openings[side.index]))
+
+    def let_go(self) -> None:
+        """Both hands let go: it takes a release and a new squeeze to lead."""
+        for arm in self._arms.values():
+            arm.clutch.open()
+
     def take(self, message: Message, arrival_s: float) -> None:
         """Take over a fresh sample; `recentre` lets both hands go."""
         if isinstance(message, Recentre):
-            self._let_go()
+            self.let_go()
         elif isinstance(message, Hands) and (
             self._lockstep or self._freshness.accepts(message.sent, arrival_s)
         ):
@@ -239,7 +264,7 @@ class HandDevice:
                 hand is not None and hand.buttons.recentre for hand in hands
             )
             if is_moving or self.is_lost(arrival_s):
-                self._let_go()
+                self.let_go()
             self._hands, self.sampled_s = message, arrival_s
             if self._has_seen_open:
                 self._acting.update(message.devices)
@@ -251,7 +276,7 @@ class HandDevice:
         self._hands = self.sampled_s = None
         self.executed_ms = math.nan
         self._acting.clear()
-        self._let_go()
+        self.let_go()
 
     def is_lost(self, now_s: float, for_s: float = MAX_AGE_S) -> bool:
         """Whether nothing fresh was heard for `MAX_AGE_S`, or another time."""
@@ -310,10 +335,6 @@ class HandDevice:
             clutch=self.clutch,
             limited=cast("tuple[bool, bool]", tuple(limited)),
         )
-
-    def _let_go(self) -> None:
-        for arm in self._arms.values():
-            arm.clutch.open()
 
     def _now(self, now_s: float) -> dict[Side, Hand | None]:
         if self._hands is None or self.is_lost(now_s):

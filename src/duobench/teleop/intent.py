@@ -37,6 +37,16 @@ class TeleopDevice(Protocol):
     def begin(self, command: DuoCommand) -> None:
         """A new episode waits for the operator, with the arms where they are commanded to be."""
 
+    def follow(self, command: DuoCommand) -> None:
+        """Something else leads the arms, which are commanded to be there: it can be taken over.
+
+        Raises:
+            LeaderError: The operator cannot let go of the device, so nothing else can lead.
+        """
+
+    def let_go(self) -> None:
+        """Let the operator let go, before they lead again."""
+
     def take(self, message: Message, arrival_s: float) -> None:
         """A message of the operator has arrived; the device may have no use for it."""
 

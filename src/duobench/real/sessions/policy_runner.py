@@ -25,7 +25,7 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import FAULT_KIND, WAITS, RealEnv
-from duobench.real.sessions.interruptible import InterruptiblePolicy
+from duobench.policy.interruptible import InterruptiblePolicy
 from duobench.results.labels import FaultKind, StageLabels
 from duobench.results.records import REAL
 from duobench.results.run import TimeLimits
