@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import tyro
@@ -32,6 +33,8 @@ def run(
     those of the split train. The same command goes on with a data set until it has as many
     episodes.
 
+    With --policy, the policy plays and you correct it; rows say who led.
+
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
         out: Folder of the data set.
@@ -46,19 +49,29 @@ def run(
         )
     load_engine()
     from duobench.data.dataset import DESCRIPTION
+    from duobench.evaluation.policies import find_policy
+    from duobench.results.suite import find_tasks
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.teleop.teleoperation import Teleoperation, make_recorder
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
+        tasks = find_tasks((task,))
+        source = leading.find_policy(partial(find_policy, tasks=tasks), ending)
         recorder = make_recorder(
-            task, out, actor, action_mode=led_by.action_mode, look=look
+            task,
+            out,
+            actor,
+            action_mode=led_by.action_mode,
+            metadata=None if source is None else source.metadata,
+            look=look,
         )
         session = ending.enter_context(
             Teleoperation(
                 recorder,
                 led_by,
                 episodes=episodes,
+                policy=leading.play(source, recorder),
                 **leading.asked(),
             )
         )

@@ -15,6 +15,7 @@ from duobench.core.errors import (
     PolicyError,
     check_known,
 )
+from duobench.data import Actor, ActorKind
 from duobench.envs.sim_env import sim_of
 from duobench.policy import Batching, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.batch import ONE_BY_ONE
@@ -89,6 +90,26 @@ class PolicyChoice:
             raise PolicyError(
                 "How many observations are answered together is up to the server."
             )
+
+
+def parse_choice(name: str) -> PolicyChoice:
+    """The policy of a name as `PolicyChoice` takes it, or of `NAME@URL` where it is served."""
+    plain, is_served, url = name.partition("@")
+    if is_served and url.startswith(("ws://", "wss://")):
+        return PolicyChoice(name=plain, server=RemoteServer(url=url))
+    return PolicyChoice(name=name)
+
+
+def find_policy(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
+    """Make a policy, or connect to it, by a name as `parse_choice` takes it."""
+    return find_source(parse_choice(name), tasks, TimeLimits())
+
+
+def actor_of(choice: PolicyChoice, metadata: PolicyMetadata) -> Actor:
+    """The actor that recordings name for a policy."""
+    is_expert = choice.kind is PolicyKind.EXPERT
+    kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
+    return Actor(kind=kind, name=choice.name, version=metadata.version)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -47,7 +47,7 @@ class InterruptiblePolicy:
         return self._ask(lambda: self._policy.act(observation))
 
     def begin_reset(self, instruction: str, seed: int) -> Future[Any]:
-        """Begin an episode, and do not wait until the policy has; what is asked next comes after."""
+        """Begin an episode without waiting for the policy; what is asked next comes after it."""
         return self._begin(lambda: self._policy.reset(instruction, seed))
 
     def begin_act(self, observation: Mapping[str, Any]) -> Future[Any]:

@@ -101,6 +101,20 @@ class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
 
+class Pause(PageMessage, frozen=True):
+    """Pause the policy that plays, or let it go on."""
+
+
+class Why(PageMessage, frozen=True):
+    """Reason why the last take-over of a policy began; empty for the next usual one."""
+
+    text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)] = ""
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        _check_line("a reason", self.text)
+
+
 class Instruction(PageMessage, frozen=True):
     """Instruction that the operator gives to the episode; empty for the task's own words."""
 
@@ -108,11 +122,15 @@ class Instruction(PageMessage, frozen=True):
     """One line that can be printed."""
 
     def __post_init__(self) -> None:
-        if self.text != escaped(self.text) or len(self.text.splitlines()) > 1:
-            raise ValueError("an instruction is one line that can be printed")
+        _check_line("an instruction", self.text)
 
 
-Message = Hands | Keep | Discard | Restore | Recentre | Instruction
+def _check_line(what: str, text: str) -> None:
+    if text != escaped(text) or len(text.splitlines()) > 1:
+        raise ValueError(f"{what} is one line that can be printed")
+
+
+Message = Hands | Keep | Discard | Restore | Recentre | Instruction | Pause | Why
 """Everything that an operator may send."""
 
 

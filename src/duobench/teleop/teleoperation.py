@@ -7,7 +7,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self, cast
 
-from duobench.core.errors import BackendError, DuoBenchError, OptionError
+from duobench.core.errors import (
+    BackendError,
+    DuoBenchError,
+    OptionError,
+    PolicyError,
+)
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.types import CONTROL_HZ, SIDES, DuoState, Side
 from duobench.data import Actor, DataSet, Recorder
@@ -19,6 +24,8 @@ from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
+from duobench.policy import PolicyMetadata
+from duobench.results.run import needed_options
 from duobench.tasks.task import Task
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
 from duobench.teleop.intent import Intent, TeleopDevice
@@ -31,6 +38,7 @@ from duobench.teleop.messages import (
     Message,
     Restore,
 )
+from duobench.teleop.policy_leader import Leading, PolicyLeader
 from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
@@ -82,9 +90,12 @@ class Teleoperation:
         episodes: How many are wanted, those of earlier sessions in the same data set counted.
         instruction: What the operator says that the arms will do; empty for the task's own.
         lockstep: Whether each message of hands is one control step, and nothing moves between.
+        policy: Policy that leads until the operator takes over, in whose action mode the
+            environment is.
 
     Raises:
         OptionError: The number is less than one, or the environment takes other actions.
+        LeaderError: The operator cannot let go of the device, so that no policy can lead.
     """
 
     keeps = (TeleopState.SUCCESS, TeleopState.DECIDE)
@@ -98,13 +109,14 @@ class Teleoperation:
         episodes: int = 10,
         instruction: str = "",
         lockstep: bool = False,
+        policy: PolicyLeader | None = None,
     ) -> None:
         if episodes < 1:
             raise OptionError(
                 f"A session records at least one episode, got {episodes}."
             )
         mode = env.get_wrapper_attr("action_mode")
-        if mode != device.action_mode:
+        if policy is None and mode != device.action_mode:
             raise OptionError(
                 f"The device gives actions of the mode {device.action_mode!r}, and the environment "
                 f"takes those of {mode!r}; make the environment with that action mode."
@@ -115,6 +127,8 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
+        self.leading = Leading(env, device, policy)
+        """Who leads: the operator or a policy."""
         self._wanted, self._instruction = episodes, instruction
         self._inbox, self._presses = Inbox(), ButtonPresses()
         data = env.data
@@ -164,11 +178,11 @@ class Teleoperation:
                 self.note = prompt
                 return False
             self._state, self.note = TeleopState.RECORDING, ""
+            self.leading.start()
             self._note_attempt(UNDECIDED)  # a kill leaves this
         if self._state not in _RUNNING:
             return False
-        self._step(now_s)
-        return True
+        return self._step(now_s)
 
     def __enter__(self) -> Self:
         return self
@@ -192,6 +206,7 @@ class Teleoperation:
             self._accept()
         elif self._state is not TeleopState.OVER:
             self._note_attempt(UNDECIDED)
+        self.leading.close()
         self.env.close()
         if self._episodes is not None:
             self._episodes.close(forget=forget)
@@ -224,6 +239,7 @@ class Teleoperation:
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
             "stage_changes": [list(change) for change in self._stage_changes],
+            "policy": self.leading.status,
             "note": AWAY if self._is_paused else self.note,
         }
 
@@ -234,6 +250,7 @@ class Teleoperation:
                 self.device.lose()
                 continue
             self.device.take(message, arrival_s)
+            self.leading.take(message)
             match message:
                 case Hands():
                     self._press(message)
@@ -254,15 +271,24 @@ class Teleoperation:
         for name in self._presses.new(hands):
             asked.get(name, self._restore)()
 
-    def _step(self, now_s: float) -> None:
+    def _step(self, now_s: float) -> bool:
+        """Make a control step, unless nothing leads; whether it was made."""
         backend = self.env.base.backend
-        intent = self.device.intend(now_s, self._seen, backend.last_command)
+        try:
+            intent = self.leading.next(now_s, self._seen)
+        except PolicyError as error:
+            self.note = f"The policy failed, and is paused: {error}"
+            return False
+        if self.leading.note:
+            self.note, self.leading.note = self.leading.note, ""
+        if intent is None:
+            return False
         self.env.clutch = intent.clutch
         try:
             _, _, terminated, truncated, info = self.env.step(intent.action)
         except BackendError as error:
             self._end(str(error))
-            return
+            return True
         self._steps += 1
         if info["stage"] != self._info["stage"]:
             self._stage_changes.append([self._steps, int(info["stage"])])
@@ -276,6 +302,7 @@ class Teleoperation:
                 TeleopState.SUCCESS,
                 "Solved: open the hands and retreat.",
             )
+        return True
 
     def _why_over(self, info: Info) -> str:
         return "Solved." if info["success"] else "Time is up."
@@ -383,6 +410,7 @@ class Teleoperation:
         self._stage_changes: list[list[int]] = []
         self._is_paused, self.note = False, ""
         self.device.begin(env.base.backend.last_command)
+        self.leading.begin(self._info)
         self.haptics.begin()
 
     def _reset_options(self, seed: int) -> dict[str, Any]:  # noqa: ARG002 - real arms need it
@@ -440,18 +468,20 @@ def make_recorder(
     actor: Actor,
     *,
     action_mode: str = CARTESIAN.name,
+    metadata: PolicyMetadata | None = None,
     time_limit_s: float = TIME_LIMIT_S,
     look: str | Look = DEFAULT,
 ) -> Recorder:
     """An environment on layouts of the split `train`, recorded with clutches and reviewed.
 
-    Nothing is rendered: images follow from the recorded states.
+    Nothing is rendered, but for a policy when it is asked: images follow from the recorded states.
 
     Args:
         task: A task, its id, or its import path "module:ATTRIBUTE".
         data: Data set that episodes are added to, or its folder; None keeps each in memory.
         actor: Who leads, and with which device.
-        action_mode: That of the device.
+        action_mode: That of the device, where no policy plays.
+        metadata: Expectations of the policy that plays.
         time_limit_s: Simulated seconds after which an episode is truncated.
         look: How images of the episodes look, unless they are rendered with another one.
 
@@ -465,11 +495,13 @@ def make_recorder(
         raise OptionError(
             f"An episode takes at least one control step, got {time_limit_s} s."
         )
+    needed = {"cameras": False, "action_mode": action_mode}
+    if metadata is not None:
+        needed = needed_options(metadata)
     env = make_env(
         task,
-        cameras=False,
+        **needed,
         split=TRAIN,
-        action_mode=action_mode,
         horizon=horizon,
         look=look,
     )

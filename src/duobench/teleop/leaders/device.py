@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from duobench.core.errors import LeaderError
 from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array, DuoCommand, DuoState
 from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
@@ -81,6 +82,16 @@ class LeaderDevice:
         self._where = command.flat
         self._armed = None
         self._is_following = False
+
+    def follow(self, command: DuoCommand) -> None:  # noqa: ARG002
+        """Reject that something else leads: leaders lead as long as they answer."""
+        raise LeaderError(
+            "Leader arms cannot be let go of, so that a policy never gets to lead; correct it with "
+            "the hands of a page."
+        )
+
+    def let_go(self) -> None:
+        """Leaders lead as long as they answer."""
 
     def take(self, message: Message, arrival_s: float) -> None:
         """Hands on a page move nothing while leader arms lead."""
