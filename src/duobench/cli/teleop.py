@@ -49,7 +49,7 @@ def run(
         )
     load_engine()
     from duobench.data.dataset import DESCRIPTION
-    from duobench.evaluation.policies import find_policy
+    from duobench.evaluation.policies import source as find_policy
     from duobench.results.suite import find_tasks
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.teleop.teleoperation import Teleoperation, make_recorder

@@ -100,11 +100,6 @@ def parse_choice(name: str) -> PolicyChoice:
     return PolicyChoice(name=name)
 
 
-def find_policy(name: str, tasks: Sequence[TaskInfo] = ()) -> PolicySource:
-    """Make a policy, or connect to it, by a name as `parse_choice` takes it."""
-    return find_source(parse_choice(name), tasks, TimeLimits())
-
-
 def actor_of(choice: PolicyChoice, metadata: PolicyMetadata) -> Actor:
     """The actor that recordings name for a policy."""
     is_expert = choice.kind is PolicyKind.EXPERT
@@ -172,7 +167,7 @@ def source(
     """Look a policy up.
 
     Args:
-        name: See `PolicyChoice`.
+        name: See `parse_choice`.
         tasks: Tasks that it will play; an expert's version is that of the scripts of these tasks.
         batching: How many observations a batch of a `BatchPolicy` has; None takes the default.
 
@@ -181,7 +176,8 @@ def source(
         PolicyError: If the module or its attribute is missing, or gives something else; if a task
             has no expert.
     """
-    return find_source(PolicyChoice(name=name, batching=batching), tasks, TimeLimits())
+    choice = replace(parse_choice(name), batching=batching)
+    return find_source(choice, tasks, TimeLimits())
 
 
 def find_source(
