@@ -334,6 +334,7 @@ class HandDevice:
             action=np.concatenate(rows),
             clutch=self.clutch,
             limited=cast("tuple[bool, bool]", tuple(limited)),
+            leads=any(self.clutch),
         )
 
     def _now(self, now_s: float) -> dict[Side, Hand | None]:

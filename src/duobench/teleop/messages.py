@@ -101,8 +101,9 @@ class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
 
-class Pause(PageMessage, frozen=True):
-    """Pause the policy that plays, or let it go on."""
+class Alone(PageMessage, frozen=True):
+    """Let the world run though nobody leads, or no longer; where a policy plays, it pauses or goes
+    on."""
 
 
 class Why(PageMessage, frozen=True):
@@ -130,7 +131,7 @@ def _check_line(what: str, text: str) -> None:
         raise ValueError(f"{what} is one line that can be printed")
 
 
-Message = Hands | Keep | Discard | Restore | Recentre | Instruction | Pause | Why
+Message = Hands | Keep | Discard | Restore | Recentre | Alone | Why | Instruction
 """Everything that an operator may send."""
 
 

@@ -18,7 +18,7 @@ from duobench.envs.execution import optional_method
 from duobench.policy.interruptible import InterruptiblePolicy
 from duobench.policy.policy import Policy, as_chunk, check_fits
 from duobench.teleop.intent import Intent, TeleopDevice
-from duobench.teleop.messages import Message, Pause, Why
+from duobench.teleop.messages import Alone, Message, Why
 
 QUICK_S = 0.005
 """Seconds for which a step waits for an answer; a policy that takes longer is asked again in the
@@ -192,18 +192,28 @@ class Leading:
             return replace(intent, action=self._convert(intent.action))
         return None if self.is_paused else self._of_policy(self._policy)
 
-    def take(self, message: Message) -> None:
-        """Pause the policy or let it go on; note why the last take-over began."""
-        if self._policy is None:
-            return
-        if isinstance(message, Pause):
+    def take(self, message: Message) -> bool:
+        """Pause the policy or let it go on; note why the last take-over began.
+
+        Returns:
+            Whether that is what the message was about.
+        """
+        if self._policy is None or not isinstance(message, Alone | Why):
+            return False
+        if isinstance(message, Alone):
             self.is_paused = not self.is_paused
             self._policy.forget()
             self.note = (
                 "The policy is paused." if self.is_paused else "The policy goes on."
             )
-        elif isinstance(message, Why):
+        else:
             self._explain(message.text.strip())
+        return True
+
+    def rest(self) -> Intent:
+        """The action that leaves the command of both arms as it is."""
+        hold = self._env.get_wrapper_attr("hold_action")()
+        return Intent(action=hold, clutch=NO_ARMS, leads=False)
 
     def _explain(self, why: str) -> None:
         """Note a reason; without words, the next one of `REASONS`."""

@@ -73,6 +73,7 @@ def run(
             actor,
             action_mode=led_by.action_mode,
             metadata=None if source is None else source.metadata,
+            time_limit_s=leading.limit,
         )
         ending.callback(recorder.close)
         with suppress(EndedError):
