@@ -41,6 +41,7 @@ def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     )
     sent = recording.sent / STILL_TARGET
     is_led = recording.clutch.any(axis=1) | _asks(recording)
+    is_led |= recording.is_led_by_policy
     is_led |= (judged[1:] != judged[:-1]).any(axis=1)
     idle = np.zeros(end - first, np.bool_)
     rest, told = seen[first], sent[first]

@@ -19,7 +19,6 @@ from duobench.core.versions import package_versions
 from duobench.data.dataset import DataSet
 from duobench.data.schema import (
     Actor,
-    ActorKind,
     Domain,
     EpisodeInfo,
     Outcome,
@@ -342,7 +341,7 @@ class Recorder(DuoWrapper):
 
     def _with_device(self, actor: Actor) -> Actor:
         """An actor with the device that led, unless it is a policy, which has none."""
-        if actor.kind in (ActorKind.POLICY, ActorKind.EXPERT):
+        if actor.kind.is_policy:
             return actor
         return replace(actor, device=self.device or actor.device)
 

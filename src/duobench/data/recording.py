@@ -125,6 +125,13 @@ class Recording:
         """Control steps until success, or until the end; what comes after success is no part."""
         return len(self) if self.success_step is None else self.success_step
 
+    @property
+    def is_led_by_policy(self) -> NDArray[np.bool_]:
+        """Whether a policy led each row (T,), and no person."""
+        return np.array([actor.kind.is_policy for actor in self.info.actors])[
+            self.leader
+        ]
+
     def until(self, actions: int) -> "Recording":
         """The episode up to what was seen after so many actions."""
         rows = {

@@ -102,8 +102,7 @@ class Recentre(PageMessage, frozen=True):
 
 
 class Alone(PageMessage, frozen=True):
-    """Let the world run though nobody leads, or no longer; where a policy plays, it pauses or goes
-    on."""
+    """Let the world run though nobody leads, or no longer; a policy pauses, or goes on."""
 
 
 class Why(PageMessage, frozen=True):

@@ -144,6 +144,7 @@ class EpisodeChoice(RowChoice):
     """Export episodes from there: the simulation, real arms, or both."""
 
     def __post_init__(self) -> None:
+        RowChoice.__post_init__(self)
         _set(
             self,
             "tasks",

@@ -87,9 +87,11 @@ def transitions(
         if source is None and (object_state or reward == DENSE):
             source = ImageSource(reference, cameras=())
         played = whole.until(whole.steps)
-        steps = used_rows(played, choice or RowChoice(), reference).steps()
-        if len(steps):
-            yield _transitions(played, steps, reward, action_mode, source, object_state)
+        used = used_rows(played, choice or RowChoice(), reference)
+        for stretch in used.stretches():
+            yield _transitions(
+                played, stretch.steps(), reward, action_mode, source, object_state
+            )
 
 
 def _transitions(
