@@ -33,7 +33,7 @@ TIME_LIMIT_S = 45.0
 """Simulated seconds of an episode."""
 LIMIT = np.tile(np.array(VELOCITY_LIMITS), 2) / CONTROL_HZ
 """What each joint may move in a control step (14,), in radians."""
-RANDOM, FROZEN = "random", "frozen"
+RANDOM, FROZEN = POLICIES = ("random", "frozen")
 
 
 class FrozenExpert:
@@ -147,7 +147,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--episodes", type=int, default=20)
     parser.add_argument("--tasks", nargs="+", default=TASKS)
-    parser.add_argument("--policies", nargs="+", default=(RANDOM, FROZEN))
+    parser.add_argument("--policies", nargs="+", default=POLICIES)
     options = parser.parse_args()
     table = Table(
         "task", "policy", "success", "take-overs", "releases", "led", "largest", "asked"

@@ -160,6 +160,8 @@ class LedArm:
     def __init__(self, side: Side) -> None:
         self.clutch = Clutch()
         self.gripper = TriggeredGripper()
+        self.was_lost = False
+        """Whether the hand was lost, and not opened, when it led last."""
         self._shaper = Shaper(side)
         self._rest: SE3 | None = None
 
@@ -167,11 +169,13 @@ class LedArm:
         """A new episode waits, with the gripper at an opening."""
         self.clutch.open()
         self.gripper = TriggeredGripper(opening)
+        self.was_lost = False
         self._rest = None
 
     def follow(self, opening: float) -> None:
         """Something else leads the arm, and has its gripper at an opening."""
         self.gripper = TriggeredGripper(opening, meets=True)
+        self.was_lost = False
         self._rest = None
 
     def lead(
@@ -187,6 +191,8 @@ class LedArm:
             self.gripper.follow(hand.trigger)
         was_closed = self.clutch.is_closed
         wanted = self.clutch.follow(hand, commanded)
+        if was_closed or wanted is not None:
+            self.was_lost = hand is None or not hand.sure
         if wanted is None:
             if self._rest is None:
                 self._rest = (
@@ -229,6 +235,11 @@ class HandDevice:
         """Whether the left and the right hand lead their arm."""
         left, right = (self._arms[side].clutch.is_closed for side in SIDES)
         return left, right
+
+    @property
+    def was_lost(self) -> bool:
+        """Whether a hand that led last was lost, and not opened."""
+        return any(arm.was_lost for arm in self._arms.values())
 
     @property
     def dropped(self) -> int:
@@ -276,6 +287,8 @@ class HandDevice:
         self._hands = self.sampled_s = None
         self.executed_ms = math.nan
         self._acting.clear()
+        for arm in self._arms.values():
+            arm.was_lost = arm.clutch.is_closed
         self.let_go()
 
     def is_lost(self, now_s: float, for_s: float = MAX_AGE_S) -> bool:

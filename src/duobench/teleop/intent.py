@@ -74,6 +74,11 @@ class TeleopDevice(Protocol):
         ...
 
     @property
+    def was_lost(self) -> bool:
+        """Whether hands that led last were lost, and not opened."""
+        ...
+
+    @property
     def clutch(self) -> tuple[bool, bool]:
         """Whether the left and the right hand lead their arm."""
         ...

@@ -20,11 +20,11 @@ from duobench.policy.policy import Policy, as_chunk, check_fits
 from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import Alone, Message, Why
 
-QUICK_S = 0.005
-"""Seconds for which a step waits for an answer; a policy that takes longer is asked again in the
-next turn, so that the page goes on."""
+QUICK_S = 0.02
+"""Seconds for which a turn waits for an answer: after them the page goes on, and the world waits."""
 REASONS = ("dropped", "stuck", "wrong object", "other")
 """Reasons of a take-over, in the order in which a key goes through them."""
+LOST = "A hand that led was lost: the policy is paused."
 NO_ARMS = (False, False)
 """Arms that a hand leads while the policy does."""
 
@@ -144,6 +144,7 @@ class Leading:
         self._env = env
         self._device = device
         self._policy = policy
+        self._has_taken_over = False
         self._operator = env.actor
         self._why = -1
         self.is_policy = policy is not None
@@ -160,6 +161,7 @@ class Leading:
     def begin(self, info: Info) -> None:
         """Begin an episode; the policy leads first."""
         self._operator = self._env.actor
+        self._has_taken_over = False
         self.is_policy = self._policy is not None
         if self._policy is not None:
             self._policy.begin(info)
@@ -186,8 +188,7 @@ class Leading:
         if is_led and self.is_policy:
             self._take_over(self._policy)
         elif not (is_led or self.is_policy or self.is_paused):
-            self.is_policy = True
-            self.note = "The policy leads."
+            self._give_back()
         if not self.is_policy:
             return replace(intent, action=self._convert(intent.action))
         return None if self.is_paused else self._of_policy(self._policy)
@@ -202,6 +203,7 @@ class Leading:
             return False
         if isinstance(message, Alone):
             self.is_paused = not self.is_paused
+            self.is_policy |= not (self.is_paused or any(self._device.clutch))
             self._policy.forget()
             self.note = (
                 "The policy is paused." if self.is_paused else "The policy goes on."
@@ -217,6 +219,8 @@ class Leading:
 
     def _explain(self, why: str) -> None:
         """Note a reason; without words, the next one of `REASONS`."""
+        if not self._has_taken_over:
+            return
         if not why:
             self._why = (self._why + 1) % len(REASONS)
             why = REASONS[self._why]
@@ -232,6 +236,7 @@ class Leading:
             "name": self._policy.actor.name,
             "leads": self.is_policy,
             "is_paused": self.is_paused,
+            "is_explainable": self._has_taken_over,
         }
 
     def close(self) -> None:
@@ -242,9 +247,16 @@ class Leading:
     def _take_over(self, policy: PolicyLeader) -> None:
         policy.forget()
         self.is_policy = False
+        self._has_taken_over = True
         self._why = -1
         self._env.take_over(self._operator)
         self.note = "You lead: N says why."
+
+    def _give_back(self) -> None:
+        """The hands have let go: the policy leads, unless they were lost."""
+        self.is_paused = self._device.was_lost
+        self.is_policy = not self.is_paused
+        self.note = LOST if self.is_paused else "The policy leads."
 
     def _of_policy(self, policy: PolicyLeader) -> Intent | None:
         try:

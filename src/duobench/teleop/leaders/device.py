@@ -76,6 +76,8 @@ class LeaderDevice:
         self._fade = 0
         self._is_following = self._is_leading = False
         self._movement = Movement(_NOISE)
+        self.was_lost = False
+        """Never: leaders are not let go of."""
         self.dropped = 0
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None

@@ -41,7 +41,7 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of ["keep", "discard", "restore", "alone"]) {
+    for (const kind of ["keep", "discard", "restore", "alone", "why"]) {
       this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
     }
     this.#part("#drive").addEventListener("click", () => {
@@ -117,12 +117,13 @@ export class Status {
 
   #showFacts(status) {
     const { count, kept, wanted, discarded, latency_ms: served, lost, clutch } = status;
-    const { state, pace, led_s: led, limit_s: limit } = status;
+    const { state, pace, led_s: led, limit_s: limit, policy } = status;
     const seen = this.latency();
     const said = (ms) => (ms === null || ms === undefined ? null : `${Math.round(ms)} ms`);
     const held = clutch && ["left", "right"].filter((side) => clutch[side]);
     const facts = {
       Episode: count,
+      Leads: policy ? (policy.leads ? policy.name : "you") : undefined,
       Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
       World: RUNNING.includes(state) ? WORLD[pace] : undefined,
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
@@ -188,7 +189,11 @@ export class Status {
     keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
     const alone = this.#part("#alone");
     alone.hidden = !this.#isDriver || !RUNNING.includes(state);
-    alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
+    const { policy } = this.#last;
+    alone.textContent = policy ? "Pause the policy" : "Run alone";
+    const isOn = policy ? policy.is_paused : this.#last.alone;
+    alone.setAttribute("aria-pressed", String(Boolean(isOn)));
+    this.#part("#why").hidden = alone.hidden || !policy?.is_explainable;
     this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
     const wording = this.#part("#wording");
     wording.hidden = !this.#isDriver;
