@@ -80,42 +80,46 @@ class Corrector:
 
     def message(self) -> Message:
         """What the person sends now."""
-        session = self._session
-        state = session.state
+        state = self._session.state
         if state is TeleopState.DECIDE:
             return Keep()
-        if self._waiting_why:
-            why, self._waiting_why = self._waiting_why, ""
+        if self._why:
+            why, self._why = self._why, ""
             return Why(text=why)
         self._number += 1
         if state is TeleopState.WAITING:
             self._begin()
-            return self._hands(squeeze=float(self._number % 2 == 0))
+            return self._hands(squeeze=self._number % 2)
+        return self._hands(squeeze=self._lead())
+
+    def _lead(self) -> float:
+        """Move the hands, or watch; how far they are squeezed."""
         if self._arms is None:
-            why = self._watch(session)
-            if why is None:
-                return self._hands(squeeze=0.0)
-            self._waiting_why = why
-            self._arms = Arms(sim_of(session.env).simulation)
-            self._script = self._entry(self._arms)
-            return self._hands(squeeze=1.0)
+            self._why = self._watch(self._session) or ""
+            if not self._why:
+                return 0.0
+            self._enter()
+            return 1.0
         self._led += 1
         if self._lets_go and GAP <= self._led < GAP + GAP_STEPS:
-            return self._hands(squeeze=0.0)
-        if self._lets_go and self._led == GAP + GAP_STEPS:
-            self._arms = Arms(sim_of(session.env).simulation)
-            self._script = self._entry(self._arms)
-            return self._hands(squeeze=1.0)
-        if next(self._script, self) is self and not session.status()["success"]:
-            self._script = self._entry(self._arms)  # once more
-        return self._hands(squeeze=1.0)
+            return 0.0
+        is_back = self._lets_go and self._led == GAP + GAP_STEPS
+        is_done = next(self._script, self) is self and not is_back
+        if is_back or (is_done and not self._session.status()["success"]):
+            self._enter()
+        return 1.0
+
+    def _enter(self) -> None:
+        """Begin to put things right, from where the arms are."""
+        self._arms = Arms(sim_of(self._session.env).simulation)
+        self._script = self._entry(self._arms)
 
     def _begin(self) -> None:
         self._watch = self._sees(int(self._session.status()["count"]))
         self._arms: Arms | None = None
         self._script: Script = iter(())  # type: ignore[assignment]
         self._led = 0
-        self._waiting_why = ""
+        self._why = ""
 
     def _hands(self, *, squeeze: float) -> Hands:
         left, right = (self._hand(side, squeeze) for side in SIDES)

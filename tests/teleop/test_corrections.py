@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from tests.teleop.leaders.tools import Source
 
 from dev.benchmarks.corrections import (
     FROZEN,
@@ -27,15 +26,16 @@ from duobench.envs.action_modes import ACTION_MODES
 from duobench.policy import PolicyMetadata
 from duobench.teleop.hands import HandDevice, TriggeredGripper
 from duobench.teleop.leaders.device import LeaderDevice
+from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.teleop.messages import Alone, Why
 from duobench.teleop.policy_leader import LOST, PolicyLeader
 from duobench.teleop.teleoperation import Teleoperation, make_recorder
+from tests.teleop.leaders.test_device import Leaders
 from tests.teleop.operator import HOMES, hand, message, said
 
 TASK = "carry_pot"
 PERSON = Actor(kind=ActorKind.PERSON, name="P07", device="headset")
 POLICY = Actor(kind=ActorKind.POLICY, name="toy")
-LEFT_LEADS = (True, False)
 
 
 class Toy:
@@ -48,7 +48,7 @@ class Toy:
         self.fails = False
         self.hold: Any = None
 
-    def reset(self, instruction: str, seed: int) -> None:
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
         self.shown.clear()
 
     def act(self, observation: Any) -> Any:
@@ -103,8 +103,22 @@ HOMES_LEFT = next(iter(HOMES.values()))
 
 
 @pytest.fixture
-def room(tmp_path: Path) -> Iterator[Room]:
-    yield Room(tmp_path / "data", Toy())
+def enter(tmp_path: Path) -> Iterator[Callable[..., Room]]:
+    """Makes a room, which is closed at the end."""
+    rooms = []
+
+    def make(toy: Toy, **options: Any) -> Room:
+        rooms.append(Room(tmp_path / "data", toy, **options))
+        return rooms[-1]
+
+    yield make
+    for room in rooms:
+        room.session.close()
+
+
+@pytest.fixture
+def room(enter: Callable[..., Room]) -> Room:
+    return enter(Toy())
 
 
 def test_a_squeeze_takes_over_and_its_release_gives_back(room: Room) -> None:
@@ -126,8 +140,8 @@ def test_a_squeeze_takes_over_and_its_release_gives_back(room: Room) -> None:
 
 
 @pytest.mark.parametrize("mode", ACTION_MODES)
-def test_hands_lead_alike_in_every_action_mode_and_nothing_jumps(tmp_path: Path, mode: str) -> None:
-    room = Room(tmp_path / "data", Toy(mode))
+def test_hands_lead_alike_in_every_action_mode_and_nothing_jumps(enter: Any, mode: str) -> None:
+    room = enter(Toy(mode))
     room.send(0.0, turns=3)
     before = room.sent
     room.send(1.0)
@@ -143,10 +157,10 @@ def test_hands_lead_alike_in_every_action_mode_and_nothing_jumps(tmp_path: Path,
     assert (np.abs(joints) <= LIMIT + 1e-9).all()
 
 
-def test_a_policy_that_thinks_lets_the_world_wait_and_a_late_answer_is_none(tmp_path: Path) -> None:
+def test_a_policy_that_thinks_lets_the_world_wait_and_a_late_answer_is_none(enter: Any) -> None:
     toy = Toy()
     toy.gate = threading.Semaphore(0)
-    room = Room(tmp_path / "data", toy, waits=False)
+    room = enter(toy, waits=False)
     for _ in range(3):
         assert not room.send(0.0)  # the page goes on
     state = room.env.base.backend.read().flat
@@ -196,8 +210,8 @@ def test_a_policy_that_fails_is_paused_and_may_go_on(room: Room) -> None:
     assert room.session.leading.is_policy
 
 
-def test_cameras_are_rendered_when_the_policy_is_asked(tmp_path: Path) -> None:
-    room = Room(tmp_path / "data", Toy(cameras=("head",), image_size=(32, 32)))
+def test_cameras_are_rendered_when_the_policy_is_asked(enter: Any) -> None:
+    room = enter(Toy(cameras=("head",), image_size=(32, 32)))
     room.send(0.0, turns=4)
     room.send(1.0, turns=2)
     room.send(0.0)
@@ -224,7 +238,7 @@ def test_leader_arms_cannot_correct(tmp_path: Path) -> None:
     env = make_recorder(TASK, tmp_path / "data", PERSON, metadata=toy.metadata)
     leader = PolicyLeader(env, toy, POLICY)
     with pytest.raises(LeaderError, match="cannot be let go of"):
-        Teleoperation(env, LeaderDevice(Source()), policy=leader)
+        Teleoperation(env, LeaderDevice(LeRobotSource(Leaders())), policy=leader)
     env.close()
 
 

@@ -21,7 +21,7 @@ from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import Alone, Message, Why
 
 QUICK_S = 0.02
-"""Seconds for which a turn waits for an answer: after them the page goes on, and the world waits."""
+"""Seconds for which a turn waits for an answer; then the page goes on, and the world waits."""
 REASONS = ("dropped", "stuck", "wrong object", "other")
 """Reasons of a take-over, in the order in which a key goes through them."""
 LOST = "A hand that led was lost: the policy is paused."
