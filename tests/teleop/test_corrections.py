@@ -18,12 +18,11 @@ from dev.benchmarks.corrections import (
     measure,
     record,
 )
-from duobench.core.errors import LeaderError, PolicyError
+from duobench.core.errors import LeaderError
 from duobench.core.types import CONTROL_HZ, DuoCommand
 from duobench.data import Actor, ActorKind, DataSet, Recording, find_problems, transitions
 from duobench.data.used_rows import RowChoice, used_rows
 from duobench.envs.action_modes import ACTION_MODES
-from duobench.policy import PolicyMetadata
 from duobench.teleop.hands import HandDevice, TriggeredGripper
 from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
@@ -32,32 +31,10 @@ from duobench.teleop.policy_leader import LOST, PolicyLeader
 from duobench.teleop.teleoperation import Teleoperation, make_recorder
 from tests.teleop.leaders.test_device import Leaders
 from tests.teleop.operator import HOMES, hand, message, said
+from tests.teleop.toy import POLICY, Toy
 
 TASK = "carry_pot"
 PERSON = Actor(kind=ActorKind.PERSON, name="P07", device="headset")
-POLICY = Actor(kind=ActorKind.POLICY, name="toy")
-
-
-class Toy:
-    """Answers what it is let answer, by default to stay, and remembers what it was shown."""
-
-    def __init__(self, mode: str = "joint", **seen: Any) -> None:
-        self.metadata = PolicyMetadata(name="toy", action_mode=mode, **{"cameras": (), **seen})
-        self.gate: threading.Semaphore | None = None
-        self.shown: list[Any] = []
-        self.fails = False
-        self.hold: Any = None
-
-    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
-        self.shown.clear()
-
-    def act(self, observation: Any) -> Any:
-        self.shown.append(observation)
-        if self.gate is not None:
-            self.gate.acquire()
-        if self.fails:
-            raise PolicyError("out of ideas")
-        return np.tile(self.hold(), (4, 1))
 
 
 class Room:
