@@ -1,6 +1,6 @@
 """Attempts at episodes of a data set, also at those that it does not hold."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from duobench.core.errors import DataError
@@ -8,6 +8,7 @@ from duobench.core.files import encode, make_folder, read, write
 from duobench.core.randomness import episode_seed
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
+from duobench.data.schema import Actor
 from duobench.data.stream import INTERRUPTED
 
 ATTEMPTS, TAKES = "attempts.json", "takes"
@@ -38,6 +39,15 @@ class Attempt:
     kept: bool
     error: str | None
     """The last line of the error that it failed with, or why it is not kept."""
+    layout: int | None = field(default=None, compare=False)
+    """Index of its layout in its split; None where that is the index of the episode."""
+    actor: Actor | None = field(default=None, compare=False)
+    """Who led it, if a person or a program in the place of one did."""
+
+    @property
+    def of_layout(self) -> int:
+        """Index of its layout in its split."""
+        return self.episode if self.layout is None else self.layout
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -18,6 +18,8 @@ NORM_TOLERANCE = 1e-3
 """Tolerance of the length of a quaternion."""
 LONGEST_INSTRUCTION = 300
 """Characters of an instruction that an operator types."""
+LONGEST_NAME = 60
+"""Characters of an operator's pseudonym."""
 LONGEST_QUEUE = 1024
 """Messages that may wait; beyond, the oldest are forgotten."""
 
@@ -112,7 +114,26 @@ class Instruction(PageMessage, frozen=True):
             raise ValueError("an instruction is one line that can be printed")
 
 
-Message = Hands | Keep | Discard | Restore | Recentre | Instruction
+class Operator(PageMessage, frozen=True):
+    """Pseudonym of the operator who leads from now on; empty for none."""
+
+    name: Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        if self.name != escaped(self.name) or len(self.name.splitlines()) > 1:
+            raise ValueError("a pseudonym is one line that can be printed")
+
+
+class ChooseTask(PageMessage, frozen=True, tag="select"):
+    """Choose the task of the plan that comes next."""
+
+    id: Annotated[str, msgspec.Meta(max_length=300)]
+
+
+Message = (
+    Hands | Keep | Discard | Restore | Recentre | Instruction | Operator | ChooseTask
+)
 """Everything that an operator may send."""
 
 

@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack, suppress
 from dataclasses import replace
+from pathlib import Path
 from shutil import rmtree
 
 from duobench.core.errors import DataError
@@ -30,13 +31,18 @@ class SessionEpisodes:
         self._data = data
         self._task = env.task
         self._lock = ExitStack()
-        self._folder = data.discarded.episode(env.task, "0").parent
+        self._folder = self.folder(data, env.task)
         self._lock.enter_context(locked(self._folder))
         begun = [each.episode + 1 for each in of_task(data, env.task)]
         self.next_number = max(data.next_number(env.task), 0, *begun)
         """Number of the first layout that was never begun."""
         self.discarded = data.discarded.episodes(env.task)
         """Discarded files, which can be restored; the last one last."""
+
+    @staticmethod
+    def folder(data: DataSet, task: str) -> Path:
+        """Folder of a task's discarded episodes, which the session that records it has locked."""
+        return data.discarded.episode(task, "0").parent
 
     def note(self, attempt: Attempt) -> None:
         """Write down the state of an attempt."""
