@@ -9,7 +9,14 @@ from duobench.core.spatial import SE3, product
 from duobench.core.types import SIDES, DuoCommand, DuoState, Side
 from duobench.envs.action_modes import CARTESIAN
 from duobench.teleop.intent import Intent
-from duobench.teleop.messages import Hand, Hands, Message, PageDevice, Recentre
+from duobench.teleop.messages import (
+    Hand,
+    Hands,
+    Message,
+    Operator,
+    PageDevice,
+    Recentre,
+)
 from duobench.teleop.shaping import Shaper
 from duobench.world.kinematics.inverse import Kinematics
 
@@ -228,8 +235,13 @@ class HandDevice:
         self.led_by, self.executed_ms = "", math.nan
 
     def take(self, message: Message, arrival_s: float) -> None:
-        """Take over a fresh sample; `recentre` lets both hands go."""
-        if isinstance(message, Recentre):
+        """Take over a fresh sample; `recentre` lets both hands go.
+
+        Devices of another operator have not led yet.
+        """
+        if isinstance(message, Operator):
+            self._led = set()
+        elif isinstance(message, Recentre):
             self._let_go()
         elif isinstance(message, Hands) and (
             self._lockstep or self._freshness.accepts(message.sent, arrival_s)

@@ -407,13 +407,12 @@ class Teleoperation:
             self.note = LATER
 
     def _change_operator(self, name: str) -> None:
-        """Record a pseudonym, from the episode that waits or the one after this one on."""
+        """Record a pseudonym from the next control step on."""
         if name == self.env.actor.name:
             return
         self.env.actor = replace(self.env.actor, name=name)
-        if self._state is TeleopState.WAITING:
-            self.env.discard()
-            self._reset()
+        if self._state in (TeleopState.WAITING, *_RUNNING):
+            self.env.leader = self.env.actor
 
     def _choose(self, task: str) -> None:
         """Let the session end for another task, at once or after the episode that runs."""

@@ -7,6 +7,7 @@ const STATES = {
   recording: "Recording",
   success: "Success",
   decide: "Keep or discard?",
+  preparing: "The next layout is prepared",
   over: "Over",
   playing: "Playing",
   paused: "Paused",
@@ -26,6 +27,7 @@ export class Status {
   #isDrivable = false;
   #isDriver = false;
   #role = null;
+  #name = null; // pseudonym under which this page drives, or is to
 
   constructor(page, tell) {
     this.#page = page;
@@ -45,6 +47,11 @@ export class Status {
       event.preventDefault();
       tell({ kind: "instruction", text: this.#part("#wording input").value.trim() });
     });
+    this.#part("#who").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#name = this.#part("#who input").value.trim();
+      if (this.#isDriver) tell({ kind: "operator", name: this.#name });
+    });
   }
 
   connected(isConnected) {
@@ -55,6 +62,7 @@ export class Status {
 
   show(status) {
     this.#last = status;
+    if (this.#isDriver) this.#name = status.operator ?? null;
     const { title, task, instruction, next, state, note, success } = status;
     const name = title ?? task;
     if (name) document.title = `${name} · DuoBench`;
@@ -72,8 +80,12 @@ export class Status {
   }
 
   showRole(role) {
+    const wasDriver = this.#isDriver;
     this.#role = role;
     this.#isDriver = role.role === "driver";
+    if (this.#isDriver && !wasDriver && this.#name !== null) {
+      this.#tell({ kind: "operator", name: this.#name });
+    }
     this.#showDriving();
   }
 
@@ -159,7 +171,10 @@ export class Status {
   #showDriving() {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
-    const driving = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const { state, wording = "", operator, operators = [], discarded = 0 } = this.#last;
+    const as = drivers && operator ? ` as ${operator}` : "";
+    const who = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const driving = who + as;
     const words = [
       this.#isDrivable && driving,
       watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
@@ -170,16 +185,25 @@ export class Status {
     const isTaken = !this.#isDriver && this.#role?.drivers > 0;
     drive.hidden = this.#isDriver;
     drive.textContent = isTaken ? "Take over" : "Drive";
-    const { state, instruction, discarded = 0 } = this.#last;
     this.#part("#restore").hidden = !this.#isDriver || !discarded;
     const keep = this.#part("#keep");
     keep.hidden = !this.#isDriver || !this.#last.may_keep;
     keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
     this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
-    const wording = this.#part("#wording");
-    wording.hidden = !this.#isDriver;
-    const input = wording.querySelector("input");
-    if (document.activeElement !== input) input.value = instruction ?? "";
+    this.#part("#wording").hidden = !this.#isDriver;
+    this.#fill("#wording input", wording);
+    this.#part("#who").hidden = operator === undefined;
+    this.#fill("#who input", (this.#isDriver ? operator : this.#name) ?? operator ?? "");
+    const known = operators.map((name) => make("option", { value: name }));
+    if (this.#part("#operators").childElementCount !== known.length) {
+      this.#part("#operators").replaceChildren(...known);
+    }
+  }
+
+  /** Show what is set, unless somebody is typing. */
+  #fill(selector, text) {
+    const input = this.#part(selector);
+    if (document.activeElement !== input) input.value = text;
   }
 
   #part(selector) {
