@@ -94,4 +94,5 @@ def run(
             live = TeleopPage(session, server, sessions)
             times = lead(live, server, "Ctrl-C ends the session.")
         for name, progress in sessions.progress.items():
+            progress.refresh()
             say(f"{counted(progress.kept, 'episode')} of {name} in {out}{times}")

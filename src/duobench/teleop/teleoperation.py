@@ -288,6 +288,7 @@ class Teleoperation:
         backend = self.env.base.backend
         intent = self.device.intend(now_s, self._seen, backend.last_command)
         self.env.clutch = intent.clutch
+        self.env.device = self.device.led_by or None
         try:
             _, _, terminated, truncated, info = self.env.step(intent.action)
         except BackendError as error:
@@ -297,7 +298,6 @@ class Teleoperation:
         if info["stage"] != self._info["stage"]:
             self._stage_changes.append([self._steps, int(info["stage"])])
         self._info, self._seen = info, backend.read()
-        self.env.device = self.device.led_by or None
         self.haptics.update(intent)
         if terminated or truncated:
             self._end(self._why_over(info))
