@@ -73,7 +73,12 @@ def run(
 
         def make(task: str, actor: Actor) -> Teleoperation:
             recorder = make_recorder(
-                task, out, actor, action_mode=led_by.action_mode, look=look
+                task,
+                out,
+                actor,
+                action_mode=led_by.action_mode,
+                time_limit_s=leading.limit,
+                look=look,
             )
             return Teleoperation(
                 recorder,

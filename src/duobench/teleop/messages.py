@@ -103,6 +103,10 @@ class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
 
+class Alone(PageMessage, frozen=True):
+    """Let the world run though nobody leads, or no longer."""
+
+
 class Instruction(PageMessage, frozen=True):
     """Instruction that the operator gives to the episode; empty for the task's own words."""
 
@@ -132,7 +136,15 @@ class ChooseTask(PageMessage, frozen=True, tag="select"):
 
 
 Message = (
-    Hands | Keep | Discard | Restore | Recentre | Instruction | Operator | ChooseTask
+    Hands
+    | Keep
+    | Discard
+    | Restore
+    | Recentre
+    | Alone
+    | Instruction
+    | Operator
+    | ChooseTask
 )
 """Everything that an operator may send."""
 

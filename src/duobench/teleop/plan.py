@@ -153,27 +153,29 @@ class TaskProgress:
         attempts = of_task(self._data, self._task)
         self._attempts = Counter(each.of_layout for each in attempts)
         self._kept, self.operators = Counter(), Counter()
+        reviews = self._data.reviews
         for path in self._data.episodes(self._task):
-            info = self._info(path)
-            layout = None if info is None else self._seeds.get(info.seed)
-            if info is not None and layout is not None:
+            info = self._read(path)
+            if info is None:
+                continue
+            outcome = reviews.of(path).judged(info).outcome
+            layout = self._seeds.get(info.seed) if info.split == TRAIN else None
+            if layout is not None and outcome is not None and outcome.kept:
                 self._kept[layout] += 1
                 self.operators[info.actor.name] += 1
 
     def _begun(self, layout: int) -> int:
         return max(self._attempts[layout], self._kept[layout])
 
-    def _info(self, path: Path) -> EpisodeInfo | None:
-        """Facts about a kept episode with a layout of the split; None of another one.
+    def _read(self, path: Path) -> EpisodeInfo | None:
+        """Facts about an episode as it was recorded; None if its file cannot be read.
 
-        One that cannot be read is another one: a session goes on, and `find_problems` says it.
+        A session goes on with such a file beside it, which `find_problems` names.
         """
         if path not in self._known:
             with suppress(DataError):
                 self._known[path] = Recording.read_info(path)
-        info = self._known.get(path)
-        is_kept = info is not None and info.outcome is not None and info.outcome.kept
-        return info if is_kept and info.split == TRAIN else None
+        return self._known.get(path)
 
 
 class PlannedSessions:
