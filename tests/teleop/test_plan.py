@@ -62,7 +62,7 @@ class PlanDesk(Desk):
         self.say(answer)
 
     def items(self) -> dict[str, str]:
-        return {each["id"]: each["detail"] for each in self.plan.status()["items"]}
+        return {each["id"]: each["detail"] for each in self.plan.items()}
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_two_operators_lead_a_plan_and_given_up_layouts_come_back(tmp_path: Path
     again = PlanDesk(tmp_path)
     assert (again.status("task"), again.status("kept"), again.status("count")) == ("bin_sort", 1, 2)
     assert again.status("operators") == ["P08"]
-    assert again.plan.status()["operators"] == ["P07", "P08"]
+    assert again.plan.operators == ["P07", "P08"]
     again.take()
     assert not again.next()
     found = {
@@ -158,6 +158,7 @@ def test_a_task_that_the_operator_chooses_comes_next_and_discarded_takes_wait(
     assert (desk.state, desk.next(), desk.status("task")) == ("over", True, "carry_pot")
     assert desk.status("discarded") == 1
     desk.say("restore")
+    desk.say("keep")
     assert desk.status("count") == 1
     desk.take()
     assert desk.state is TeleopState.OVER
@@ -177,6 +178,7 @@ def test_who_leads_from_a_take_over_on_is_in_the_rows(tmp_path: Path) -> None:
     left = partial.read_bytes()
     desk.say("discard")
     desk.say("restore")
+    desk.say("keep")
     (recording,) = DataSet(tmp_path).recordings()
     p08 = replace(PERSON, name="P08", device="headset")
     assert recording.info.leaders == (replace(PERSON, device="mouse"), p08)
@@ -232,8 +234,9 @@ def test_two_processes_lead_different_tasks_and_a_killed_one_loses_nothing(tmp_p
         begin(page)
         second = ending.enter_context(command(tmp_path, "--operator", "P08"))
         other = opened(second, ending)
-        status = other.hear_of("status", task="bin_sort", operator="P08")
-        details = {each["id"]: each["detail"] for each in status["items"]}
+        items = other.hear_of("items")["items"]
+        details = {each["id"]: each["detail"] for each in items}
+        other.hear_of("status", task="bin_sort", operator="P08")
         assert details == {"carry_pot": "0 of 2 · led in another session", "bin_sort": "0 of 2"}
         third = ending.enter_context(command(tmp_path))
         said, _ = third.communicate(timeout=120)

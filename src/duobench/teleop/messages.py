@@ -10,7 +10,7 @@ import msgspec
 
 from duobench.core.errors import escaped
 from duobench.core.spatial import SE3, length
-from duobench.web.messages import PageMessage
+from duobench.web.messages import PageMessage, SelectItem
 
 FARTHEST = 100.0
 """Largest coordinate of a hand in metres; only differences of poses matter."""
@@ -129,12 +129,6 @@ class Operator(PageMessage, frozen=True):
             raise ValueError("a pseudonym is one line that can be printed")
 
 
-class ChooseTask(PageMessage, frozen=True, tag="select"):
-    """Choose the task of the plan that comes next."""
-
-    id: Annotated[str, msgspec.Meta(max_length=300)]
-
-
 Message = (
     Hands
     | Keep
@@ -144,7 +138,7 @@ Message = (
     | Alone
     | Instruction
     | Operator
-    | ChooseTask
+    | SelectItem
 )
 """Everything that an operator may send."""
 

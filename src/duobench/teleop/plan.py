@@ -208,8 +208,6 @@ class PlannedSessions:
         }
         """Progress by the id of the task."""
         self._session: Teleoperation | None = None
-        self._moment: Any = None
-        self._status: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -250,23 +248,17 @@ class PlannedSessions:
             )
         return None
 
-    def status(self) -> dict[str, Any]:
-        """Fields of the page's message `status`: tasks that can be chosen, and operators."""
-        session = self._session
-        if session is None:
-            return {}
-        moment = (session.env.task, session.number, session.state)
-        if moment != self._moment:
-            self._moment = moment
-            for progress in self.progress.values():
-                progress.refresh()
-            names = {name for each in self.progress.values() for name in each.operators}
-            self._status = {
-                "items": [self._item(task) for task in self._tasks],
-                "selected": session.chosen or session.env.task,
-                "operators": sorted(filter(None, names)),
-            }
-        return self._status
+    @property
+    def operators(self) -> list[str]:
+        """Pseudonyms of who has led kept episodes."""
+        names = {name for each in self.progress.values() for name in each.operators}
+        return sorted(filter(None, names))
+
+    def items(self) -> list[dict[str, Any]]:
+        """Tasks as the page lists them, with their progress by operator as it is now."""
+        for progress in self.progress.values():
+            progress.refresh()
+        return [self._item(task) for task in self._tasks]
 
     def _item(self, task: str) -> dict[str, Any]:
         progress = self.progress[task]

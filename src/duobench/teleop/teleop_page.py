@@ -6,7 +6,7 @@ Thirty turns a second, or one for each message; a turn is a control step while t
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import mujoco
@@ -125,6 +125,7 @@ class TeleopPage:
         self._timings = Timings()
         self._over = threading.Event()
         self._episode: Any = None
+        self._planned: Any = None
         self._told: dict[str, Any] = {}
         self._turn = 0
         self._use(session)
@@ -198,10 +199,19 @@ class TeleopPage:
     def _data(self) -> mujoco.MjData:
         return self._env.simulation.data
 
+    def _show_plan(self, status: Mapping[str, Any]) -> None:
+        """List the tasks and their progress, again where that may have changed."""
+        moment = (*self._episode, status["state"])
+        if self._plan is not None and moment != self._planned:
+            self._planned = moment
+            self._server.publish_items(self._plan.items())
+
     def _tell(self, status: dict[str, Any]) -> None:
         self._turn += 1
         if self._plan is not None:
-            status = status | self._plan.status()
+            self._show_plan(status)
+            status["operators"] = self._plan.operators
+            status["selected"] = self._session.chosen or status["task"]
         quiet = {name: value for name, value in status.items() if name not in _QUIET}
         if quiet == self._told and self._turn % _TURNS:
             return

@@ -30,7 +30,6 @@ from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
 from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import (
     Alone,
-    ChooseTask,
     Discard,
     Hands,
     Inbox,
@@ -43,6 +42,7 @@ from duobench.teleop.messages import (
 from duobench.teleop.pace import Pace
 from duobench.teleop.plan import TaskProgress
 from duobench.teleop.session_episodes import SessionEpisodes
+from duobench.web.messages import SelectItem
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
 
@@ -341,7 +341,7 @@ class Teleoperation:
                     self.pace.is_alone = (
                         self._state in _RUNNING and not self.pace.is_alone
                     )
-                case Instruction() | Operator() | ChooseTask():
+                case Instruction() | Operator() | SelectItem():
                     self._arrange(message)
         return False
 
@@ -494,13 +494,13 @@ class Teleoperation:
             actor=replace(actor, device=self.env.device or actor.device),
         )
 
-    def _arrange(self, message: Instruction | Operator | ChooseTask) -> None:
+    def _arrange(self, message: Instruction | Operator | SelectItem) -> None:
         match message:
             case Instruction(text=text):
                 self._instruct(text.strip())
             case Operator(name=name):
                 self._change_operator(name.strip())
-            case ChooseTask(id=task):
+            case SelectItem(id=task):
                 self._choose(task)
 
     def _instruct(self, text: str) -> None:

@@ -93,6 +93,7 @@ export class Status {
     if (this.#isDriver && !wasDriver && this.#name !== null) {
       this.#tell({ kind: "operator", name: this.#name });
     }
+    if (this.#isDriver) this.#name ??= this.#last.operator ?? null;
     this.#showDriving();
   }
 
