@@ -174,6 +174,16 @@ export class Hands {
     this.onActive();
   }
 
+  /** The sides that are moved. */
+  get sides() {
+    return this.#active === "both" ? ["left", "right"] : [this.#active];
+  }
+
+  /** The side of the tool that the pointer leads; also while both are moved. */
+  get lead() {
+    return this.#active === "both" ? this.#mirrored.lead : this.#active;
+  }
+
   /** The hand of the active side, or what stands for both. */
   get hand() {
     if (this.#active !== "both") return this.#virtual[this.#active];

@@ -8,6 +8,7 @@ import { Words } from "./words.js";
 
 const SIMULATION = "simulation"; // kinds of pages
 const DEMONSTRATIONS = "demonstrations"; // of real arms, whose stages a person says
+const VIEWS = "look from in front, the head, above, the side, behind the tool";
 /**
  * What keys do while the scene is in focus: `keys` gives each its value for the act of `mouse.js`,
  * `shown` and `does` are the line of the list, `on` is the kind of page if not both have it.
@@ -62,7 +63,15 @@ const KEYS = [
     shown: "Backspace, P",
     does: "discard it; put the last discarded one back",
   },
-  { shown: "+, -, 0", does: "camera nearer, farther, or as at first" },
+  {
+    act: "say",
+    keys: { r: "alone" },
+    shown: "R",
+    does: "let the world run though you do not lead, or no longer",
+  },
+  { shown: "6, 7, 8, 9, 0", does: VIEWS, on: SIMULATION },
+  { shown: "Shift and 6, 7, 8, 9, 0", does: VIEWS, on: DEMONSTRATIONS },
+  { shown: "+, -; F", does: "camera nearer, farther; full screen" },
   {
     act: "leave",
     keys: { Escape: "" },

@@ -91,10 +91,11 @@ export class Words {
   }
 
   #facts(ms) {
-    const { stage, max_stage: last, state, kept, wanted } = this.status;
+    const { stage, max_stage: last, state, pace, led_s: led, kept, wanted } = this.status;
     const facts = [
       isSaid(stage) && isSaid(last) && `stage ${stage} of ${last}`,
-      state,
+      pace === "standing" ? "stands still" : state,
+      isSaid(led) && `led ${Math.round(led)} s`,
       isSaid(kept) && (isSaid(wanted) ? `${kept} of ${wanted} kept` : `${kept} kept`),
       isSaid(ms) && `hand to picture ${Math.round(ms)} ms`,
     ];
