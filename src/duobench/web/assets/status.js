@@ -142,7 +142,7 @@ export class Status {
       Discarded: discarded || null,
       "Hand to picture": said(seen),
       "Of it on the server": seen === null ? null : said(served),
-      "Samples lost": lost,
+      "Moments of your hands too late to count": lost,
       Clutch: held && (held.length ? `${held.join(" and ")} closed` : "open"),
     };
     const rows = Object.entries(facts)
