@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
 from duobench.data.recording import Recording
+from duobench.data.schema import ActorKind
 from duobench.data.used_rows import Span
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
@@ -24,6 +25,8 @@ STILL_OPENING = 5e-3
 """The same of a measured opening."""
 STILL_TARGET = 1e-5
 """The same of a commanded target, in radians or as an opening."""
+_ACTING = (ActorKind.POLICY, ActorKind.EXPERT)
+"""Actors that lead all the time, without a clutch."""
 _QPOS = 1
 """Place of the first coordinate in a state of the simulation, behind the time."""
 
@@ -43,6 +46,8 @@ def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     sent = recording.sent / STILL_TARGET
     is_led = recording.clutch.any(axis=1) | _asks(recording)
     is_led |= (judged[1:] != judged[:-1]).any(axis=1)
+    acts = [actor.kind in _ACTING for actor in recording.info.actors]
+    is_led |= np.array(acts)[recording.leader]
     idle = np.zeros(end - first, np.bool_)
     largest = np.maximum(np.abs(np.diff(seen, axis=0)).max(axis=0), 1.0)
     was, rest, told = seen[first], seen[first], sent[first]
