@@ -203,9 +203,7 @@ def summarize(data: DataSet) -> Summary:
             speeds.append(np.abs(recording.joint_velocity).max(axis=0))
             names = recording.info.observation_names
             reference = data.reference(recording.info)
-            rows = used_rows(
-                recording, RowChoice(), reference, within=judgement.rows
-            )
+            rows = used_rows(recording, RowChoice(), reference, within=judgement.rows)
             unused.update(rows.left_out)
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))

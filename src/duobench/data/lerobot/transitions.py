@@ -57,8 +57,8 @@ def transitions(
     """Demonstrations of a task as an environment with the same options would have given them.
 
     Actions are what the arms were sent, which is what led to the next observation: with all that
-    an actor added to what it wanted. Discarded episodes are left out, and rows that were trimmed at a
-    second look.
+    an actor added to what it wanted. Discarded episodes are left out, and rows that were trimmed
+    at a second look.
 
     Args:
         data: The data set.

@@ -35,7 +35,7 @@ function seconds(row) {
 }
 
 function button(text, key, act) {
-  const children = key ? [text, make("kbd", {}, key)] : [text];
+  const children = key ? [`${text} `, make("kbd", {}, key)] : [text];
   const made = make("button", { type: "button" }, ...children);
   made.addEventListener("click", act);
   return made;
