@@ -1,13 +1,17 @@
 """What is recorded in a session is data: checked, shown, replayed, exported as that of experts."""
 
+from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from duobench.cli import main
 from duobench.data import DataSet, ExportOptions, export_lerobot, find_problems
 from duobench.evaluation.replay import replay
-from tests.teleop.paging import record
+from duobench.teleop.teleoperation import TeleopState
+from tests.teleop.operator import Operator, said
+from tests.teleop.paging import lockstep_session, record
 
 TASKS = ("bin_sort", "carry_pot")
 EPISODES = 2
@@ -47,6 +51,35 @@ def test_nothing_is_wrong_with_it(data: DataSet, capsys: pytest.CaptureFixture[s
 def test_every_episode_is_replayed_to_the_last_bit(data: DataSet) -> None:
     for task in TASKS:
         assert all(each.is_exact for each in replay(task, data.recordings(task)))
+
+
+class LettingGo(Operator):
+    """Lets both hands go for good when it opens the last gripper: what it held falls alone."""
+
+    def next_message(self) -> bytes:
+        hands = super().next_message()
+        session = self._session
+        if self._arms is None or session.status()["stage"] < session.status()["max_stage"] - 1:
+            return hands
+        if not min(self._arms.openings) > 0.5:
+            return hands
+        return hands.replace(b'"squeeze": 1.0', b'"squeeze": 0.0')
+
+
+@pytest.mark.slow
+def test_last_stage_comes_though_both_hands_let_go_before(tmp_path: Path) -> None:
+    with closing(lockstep_session("bin_sort", tmp_path)) as session:
+        operator = LettingGo(session)
+        while session.state is not TeleopState.OVER:
+            session.receive(said(operator.next_message()), 0.0)
+            session.advance(0.0)
+            assert session.status()["pace"] != "standing", session.status()
+    (recording,) = DataSet(tmp_path).recordings()
+    assert recording.info.outcome is not None
+    assert recording.info.outcome.success
+    fallen = recording.steps - np.flatnonzero(recording.clutch.any(axis=1))[-1]
+    assert 15 < fallen < 91
+    assert all(each.is_exact for each in replay("bin_sort", [recording]))
 
 
 @pytest.mark.parametrize("action", ["joint", "cartesian_relative"])

@@ -52,7 +52,12 @@ def run(
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
         recorder = make_recorder(
-            task, out, actor, action_mode=led_by.action_mode, look=look
+            task,
+            out,
+            actor,
+            action_mode=led_by.action_mode,
+            time_limit_s=leading.limit,
+            look=look,
         )
         session = ending.enter_context(
             Teleoperation(

@@ -239,6 +239,14 @@ class Recorder(DuoWrapper):
                 self.finish(cut=False, reason=reason)
         return observation, float(reward), terminated, truncated, info
 
+    def pause(self) -> None:
+        """Say that time passes on a rig that is not recorded, before the next step.
+
+        Videos stand still, and the last row is seen again when the episode goes on.
+        """
+        if self._rig is not None and self._running is not None:
+            self._rig.pause(self._running)
+
     def intend(self, action: ArrayLike) -> None:
         """Say what the actor wants the next action to be recorded as.
 

@@ -309,6 +309,7 @@ class HandDevice:
             action=np.concatenate(rows),
             clutch=self.clutch,
             limited=cast("tuple[bool, bool]", tuple(limited)),
+            leads=any(self.clutch),
         )
 
     def _let_go(self) -> None:

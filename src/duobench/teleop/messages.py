@@ -101,6 +101,10 @@ class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
 
+class Alone(PageMessage, frozen=True):
+    """Let the world run though nobody leads, or no longer."""
+
+
 class Instruction(PageMessage, frozen=True):
     """Instruction that the operator gives to the episode; empty for the task's own words."""
 
@@ -112,7 +116,7 @@ class Instruction(PageMessage, frozen=True):
             raise ValueError("an instruction is one line that can be printed")
 
 
-Message = Hands | Keep | Discard | Restore | Recentre | Instruction
+Message = Hands | Keep | Discard | Restore | Recentre | Alone | Instruction
 """Everything that an operator may send."""
 
 

@@ -3,9 +3,12 @@
 The environment judges, and says when the task is solved.
 """
 
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self, cast
+
+import numpy as np
 
 from duobench.core.errors import BackendError, DuoBenchError, OptionError
 from duobench.core.randomness import TRAIN, episode_seed
@@ -19,10 +22,12 @@ from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
+from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
 from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import (
+    Alone,
     Discard,
     Hands,
     Inbox,
@@ -31,13 +36,18 @@ from duobench.teleop.messages import (
     Message,
     Restore,
 )
+from duobench.teleop.pace import Pace
 from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
 
-TIME_LIMIT_S = 180.0
-"""Simulated seconds that an episode may take: with a mouse, a person needs several times as long
-as an expert, and as the horizon of an evaluation."""
+TIME_LIMIT_S = 600.0
+"""Seconds that an episode may be led: over twenty times the horizon of every task. Thinking is not
+counted, so that only a clutch that was forgotten comes to its end."""
+WARNED_S = 10.0
+"""Seconds before that end in which it is said."""
+ARM_REST = 0.02
+"""Joint speed in rad/s below which an arm is at rest."""
 TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 """Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
 from where its hand wants it, and when a hand lets go, or is lost."""
@@ -47,6 +57,7 @@ LATER = "The new instruction is that of the next episode."
 DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
 AWAY = "No operator drives: the recording waits until one does."
+ENDING = "{:.0f} s are left of the {:.0f} s that this episode may be led."
 
 
 class TeleopState(StrEnum):
@@ -56,7 +67,8 @@ class TeleopState(StrEnum):
     """Everything is in its place; nothing moves and nothing is recorded before the operator
     begins."""
     RECORDING = "recording"
-    """The operator leads, every step is recorded."""
+    """The operator leads: every step is recorded, and none is made while nothing is led and all
+    is at rest."""
     SUCCESS = "success"
     """The task is solved; the recording goes on for a moment."""
     PAUSED = "paused"
@@ -68,7 +80,7 @@ class TeleopState(StrEnum):
 
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
-"""States in which control steps are made and recorded."""
+"""States in which control steps are made and recorded, as long as the world runs."""
 
 
 class Teleoperation:
@@ -82,7 +94,7 @@ class Teleoperation:
         device: What the operator leads with.
         episodes: How many are wanted, those of earlier sessions in the same data set counted.
         instruction: What the operator says that the arms will do; empty for the task's own.
-        lockstep: Whether each message of hands is one control step, and nothing moves between.
+        lockstep: Whether each message of hands is one turn, and nothing moves between.
 
     Raises:
         OptionError: The number is less than one, or the environment takes other actions.
@@ -116,6 +128,8 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
+        self.pace = Pace()
+        """Decides in each turn of an episode whether the world runs."""
         self._wanted, self._instruction = episodes, instruction
         self._inbox, self._presses = Inbox(), ButtonPresses()
         data = env.data
@@ -145,9 +159,9 @@ class Teleoperation:
         self._inbox.wait(timeout_s)
 
     def advance(self, now_s: float) -> bool:
-        """Do what the messages say, and a control step if an episode runs.
+        """Do what the messages say, and a control step if an episode and the world run.
 
-        In lockstep that is one step for one message of hands, and none without.
+        In lockstep that is at most one step for one message of hands, and none without.
 
         Args:
             now_s: The time in seconds, on any clock that never goes back.
@@ -160,6 +174,8 @@ class Teleoperation:
         """
         has_hands = self._handle()
         self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
+        if self._is_paused:
+            self.env.pause()
         if self._is_paused or self._question or (self.lockstep and not has_hands):
             return False
         if self._state is TeleopState.WAITING:
@@ -171,7 +187,12 @@ class Teleoperation:
             self._note_attempt(UNDECIDED)  # a kill leaves this
         if self._state not in _RUNNING:
             return False
-        self._step(now_s)
+        backend = self.env.base.backend
+        intent = self.device.intend(now_s, self._seen, backend.last_command)
+        runs = self.pace.runs(intent, self._seen) or self._state is TeleopState.SUCCESS
+        if not runs and self._stand():
+            return False
+        self._step(intent)
         return True
 
     def __enter__(self) -> Self:
@@ -228,6 +249,10 @@ class Teleoperation:
             "max_stage": info["max_stage"],
             "stages": [stage.name for stage in task.stages],
             "step": self._steps,
+            "led_s": round(self.led_s, 1),
+            "limit_s": self._limit_s,
+            "pace": str(self.pace.phase),
+            "alone": self.pace.is_alone,
             "steps": self.env.get_wrapper_attr("_max_episode_steps"),
             "state": str(self.state),
             "may_keep": self.state in self.keeps,
@@ -238,9 +263,31 @@ class Teleoperation:
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
+            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
             "stage_changes": [list(change) for change in self._stage_changes],
-            "note": AWAY if self._is_paused else self._question or self.note,
+            "note": self._said(),
         }
+
+    @property
+    def led_s(self) -> float:
+        """Seconds of the episode in which the world ran."""
+        return self._steps / CONTROL_HZ
+
+    @property
+    def _limit_s(self) -> float:
+        return self.env.get_wrapper_attr("_max_episode_steps") / CONTROL_HZ
+
+    def _said(self) -> str:
+        if self._is_paused:
+            return AWAY
+        if self._question:
+            return self._question
+        left_s = self._limit_s - self.led_s
+        if self._state is TeleopState.RECORDING and left_s <= WARNED_S:
+            return (
+                f"{ENDING.format(np.ceil(left_s), self._limit_s)} {self.note}".strip()
+            )
+        return self.note
 
     def _handle(self) -> bool:
         """Do what the messages say; in lockstep, those up to the first one of hands."""
@@ -260,6 +307,10 @@ class Teleoperation:
                     self._discard()
                 case Restore():
                     self._restore()
+                case Alone():
+                    self.pace.is_alone = (
+                        self._state in _RUNNING and not self.pace.is_alone
+                    )
                 case Instruction(text=text):
                     self._instruct(text.strip())
         return False
@@ -269,10 +320,25 @@ class Teleoperation:
         for name in self._presses.new(hands):
             asked.get(name, self._restore)()
 
-    def _step(self, now_s: float) -> None:
-        backend = self.env.base.backend
-        intent = self.device.intend(now_s, self._seen, backend.last_command)
+    def _stand(self) -> bool:
+        """Let the world stand still in this turn; whether it can."""
+        return True
+
+    def _is_at_rest(self, before: ProgressState) -> bool:
+        """Whether arms and objects are at rest, and no clock of a stage counts since a state."""
+        base = cast("SimEnv", self.env.base)
+        speeds = np.abs(base.backend.joint_velocities())
+        is_still = base.simulation.is_settled and bool((speeds < ARM_REST).all())
+        return is_still and not self._judge.counts_since(before)
+
+    @property
+    def _judge(self) -> Any:
+        return self.env.get_wrapper_attr("judge")
+
+    def _step(self, intent: Intent) -> None:
+        before = self._judge.get_state()
         self.env.clutch = intent.clutch
+        self._limited = intent.limited
         try:
             _, _, terminated, truncated, info = self.env.step(intent.action)
         except BackendError as error:
@@ -281,7 +347,8 @@ class Teleoperation:
         self._steps += 1
         if info["stage"] != self._info["stage"]:
             self._stage_changes.append([self._steps, int(info["stage"])])
-        self._info, self._seen = info, backend.read()
+        self._info, self._seen = info, self.env.base.backend.read()
+        self.pace.note_step(is_at_rest=self._is_at_rest(before))
         self.env.device = self.device.led_by or None
         self.haptics.update(intent)
         if terminated or truncated:
@@ -427,7 +494,9 @@ class Teleoperation:
         self._seen: DuoState = env.base.backend.read()
         self._steps = 0
         self._stage_changes: list[list[int]] = []
+        self._limited = (False, False)
         self._is_paused, self.note = False, ""
+        self.pace.begin()
         self.device.begin(env.base.backend.last_command)
         self.haptics.begin()
 
@@ -480,6 +549,20 @@ class Haptics:
         return any(contacts.gripper(side, owner) for owner in others)
 
 
+def horizon_of(time_limit_s: float) -> int:
+    """Return the control steps of an episode that may be led for some seconds.
+
+    Raises:
+        OptionError: They are not finite, or less than one control step.
+    """
+    steps = time_limit_s * CONTROL_HZ
+    if not (math.isfinite(steps) and round(steps) >= 1):
+        raise OptionError(
+            f"An episode takes at least one control step, got a limit of {time_limit_s} s."
+        )
+    return round(steps)
+
+
 def make_recorder(
     task: str | Task,
     data: DataSet | str | Path | None,
@@ -498,7 +581,7 @@ def make_recorder(
         data: Data set that episodes are added to, or its folder; None keeps each in memory.
         actor: Who leads, and with which device.
         action_mode: That of the device.
-        time_limit_s: Simulated seconds after which an episode is truncated.
+        time_limit_s: Seconds that an episode may be led before it is truncated; see `horizon_of`.
         look: How images of the episodes look, unless they are rendered with another one.
 
     Raises:
@@ -506,17 +589,12 @@ def make_recorder(
         OptionError: A number of seconds is invalid.
         OtherRunError: The folder holds something else.
     """
-    horizon = round(time_limit_s * CONTROL_HZ)
-    if horizon < 1:
-        raise OptionError(
-            f"An episode takes at least one control step, got {time_limit_s} s."
-        )
     env = make_env(
         task,
         cameras=False,
         split=TRAIN,
         action_mode=action_mode,
-        horizon=horizon,
+        horizon=horizon_of(time_limit_s),
         look=look,
     )
     return Recorder(

@@ -62,7 +62,12 @@ def run(
         terminal = ending.enter_context(closing(KeyTerminal()))
         terminal.listen(partial(hold_by_key, duo))
         recorder = make_real_recorder(
-            duo, task, out, actor, action_mode=led_by.action_mode
+            duo,
+            task,
+            out,
+            actor,
+            action_mode=led_by.action_mode,
+            time_limit_s=leading.limit,
         )
         ending.callback(recorder.close)
         with suppress(EndedError):

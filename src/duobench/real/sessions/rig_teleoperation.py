@@ -15,7 +15,7 @@ import numpy as np
 
 from duobench.core.errors import BackendError, DuoBenchError
 from duobench.core.randomness import TRAIN
-from duobench.core.types import CONTROL_HZ, DuoCommand
+from duobench.core.types import DuoCommand
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import placement
 from duobench.data.schema import AFTER_SUCCESS_S
@@ -27,11 +27,18 @@ from duobench.real.env import RealEnv, make_real_env
 from duobench.real.sessions.operator import QUIT, Operator, ask_to_make_ready
 from duobench.real.sessions.policy_runner import make_rig_recorder
 from duobench.real.sessions.session import CONNECTION_LOST, STOPPED, TAKEN_OVER
+from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.intent import TeleopDevice
 from duobench.teleop.messages import Discard, Hands, Keep
+from duobench.teleop.plumb import PlumbLines
 from duobench.teleop.teleop_page import TeleopPage
-from duobench.teleop.teleoperation import TIME_LIMIT_S, Teleoperation, TeleopState
+from duobench.teleop.teleoperation import (
+    TIME_LIMIT_S,
+    Teleoperation,
+    TeleopState,
+    horizon_of,
+)
 from duobench.web.geometry import Geometry
 from duobench.web.server import PageServer
 from duobench.world.sim.layout import Layout
@@ -57,6 +64,7 @@ def make_real_recorder(
     actor: Actor,
     *,
     action_mode: str = CARTESIAN.name,
+    time_limit_s: float = TIME_LIMIT_S,
     after_success: float = AFTER_SUCCESS_S,
 ) -> Recorder:
     """An environment on a rig, recorded with clutches, videos and review.
@@ -68,7 +76,7 @@ def make_real_recorder(
         task,
         cameras=(),
         action_mode=action_mode,
-        horizon=round(TIME_LIMIT_S * CONTROL_HZ),
+        horizon=horizon_of(time_limit_s),
     )
     return make_rig_recorder(
         env, duo, data, actor, after_success=after_success, has_clutch=True
@@ -142,6 +150,18 @@ class RigTeleoperation(Teleoperation):
             raise EndedError(ENDED)
         rig.supervisor.confirm()
 
+    def _stand(self) -> bool:
+        """Keep both arms where they are, under control and unrecorded; whether nothing is wrong."""
+        self.env.pause()
+        rig = self._real.rig
+        rig.command(rig.last_command)
+        self._seen = rig.read()
+        return rig.held is None
+
+    def _is_at_rest(self, before: ProgressState) -> bool:  # noqa: ARG002
+        """Never: what the objects do is not known, so that the recording goes on for a while."""
+        return False
+
     def _keep(self) -> None:
         if self.state is TeleopState.RECORDING:
             judge = self.env.get_wrapper_attr("judge")
@@ -182,6 +202,9 @@ class RigTeleopPage(TeleopPage):
         if layout.poses:
             self._picture.apply(layout)
         return Geometry(self._picture.model)
+
+    def _new_lines(self) -> PlumbLines:
+        return PlumbLines(self._picture, has_objects=False)
 
     def _data(self) -> mujoco.MjData:
         # Linkages of grippers can be shown open only.

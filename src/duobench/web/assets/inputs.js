@@ -21,6 +21,7 @@ const CONTROLS = {
     ["F, J", "left, right gripper: tap to close or open, hold for as long as you hold"],
     ["Y", "keep the episode"],
     ["Backspace, P", "discard it; put the last discarded one back"],
+    ["R", "let the world run though you do not lead, or no longer"],
     ["+, -, 0", "camera nearer, farther, or as at first"],
     ["Escape, or Shift and Tab", "leave the scene, to reach the rest of the page"],
   ],
@@ -73,11 +74,13 @@ const HINTS = {
 };
 
 /** What the board in the scene says of a status of the server. */
-function lines({ instruction, next, stage, max_stage, state, kept, wanted, discarded }, ms) {
+function lines(status, ms) {
+  const { instruction, next, stage, max_stage, state, kept, wanted, discarded } = status;
   const said = (value) => value !== undefined && value !== null;
   const facts = [
     said(stage) && said(max_stage) && `stage ${stage} of ${max_stage}`,
-    state,
+    status.pace === "standing" ? "stands still" : state,
+    said(status.led_s) && `led ${Math.round(status.led_s)} s`,
     said(kept) && (said(wanted) ? `${kept} of ${wanted} kept` : `${kept} kept`),
     said(ms) && `hand to picture ${Math.round(ms)} ms`,
   ];

@@ -25,7 +25,7 @@ const STEERING = {
 const GRIPPERS = { f: "left", j: "right" };
 const ARMS = { 1: "left", 2: "right" };
 // Two keys or more from all that drive; y is far from them on German and French keyboards too.
-const SAYS = { y: "keep", Backspace: "discard", p: "restore" };
+const SAYS = { y: "keep", Backspace: "discard", p: "restore", r: "alone" };
 
 /** What a key is called here: letters are small, whether Shift is held or not. */
 function nameOf({ key }) {

@@ -11,6 +11,13 @@ const STATES = {
   playing: "Playing",
   paused: "Paused",
 };
+const WORLD = {
+  led: "runs as you lead",
+  resting: "runs until all is at rest",
+  alone: "runs alone",
+  standing: "stands still",
+};
+const RUNNING = ["recording", "success"]; // where it can
 const DISCARDED = ["recording", "success", "decide", "paused"]; // where it may be
 
 /** Fills the page; `tell` sends a message to the server. */
@@ -34,7 +41,7 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of ["keep", "discard", "restore"]) {
+    for (const kind of ["keep", "discard", "restore", "alone"]) {
       this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
     }
     this.#part("#drive").addEventListener("click", () => {
@@ -55,14 +62,15 @@ export class Status {
 
   show(status) {
     this.#last = status;
-    const { title, task, instruction, next, state, note, success } = status;
+    const { title, task, instruction, next, state, note, success, pace } = status;
+    const stands = state === "recording" && pace === "standing";
     const name = title ?? task;
     if (name) document.title = `${name} · DuoBench`;
     this.#write("h1", name ?? "DuoBench");
     this.#write(".instruction", instruction);
     this.#write(".next", next && `Next: ${next}`);
-    this.#write(".state", STATES[state] ?? state);
-    this.#part(".state").dataset.state = success ? "success" : (state ?? "");
+    this.#write(".state", stands ? "Standing still: lead on" : (STATES[state] ?? state));
+    this.#part(".state").dataset.state = success ? "success" : stands ? "" : (state ?? "");
     this.#write(".note", note);
     this.#showStages(status);
     this.#showFacts(status);
@@ -107,12 +115,16 @@ export class Status {
     this.#chips.show(words, stage, ever);
   }
 
-  #showFacts({ count, kept, wanted, discarded, latency_ms: served, lost, clutch }) {
+  #showFacts(status) {
+    const { count, kept, wanted, discarded, latency_ms: served, lost, clutch } = status;
+    const { state, pace, led_s: led, limit_s: limit } = status;
     const seen = this.latency();
     const said = (ms) => (ms === null || ms === undefined ? null : `${Math.round(ms)} ms`);
     const held = clutch && ["left", "right"].filter((side) => clutch[side]);
     const facts = {
       Episode: count,
+      Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
+      World: RUNNING.includes(state) ? WORLD[pace] : undefined,
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
       Discarded: discarded || null,
       "Hand to picture": said(seen),
@@ -174,6 +186,9 @@ export class Status {
     const keep = this.#part("#keep");
     keep.hidden = !this.#isDriver || !this.#last.may_keep;
     keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
+    const alone = this.#part("#alone");
+    alone.hidden = !this.#isDriver || !RUNNING.includes(state);
+    alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
     this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
     const wording = this.#part("#wording");
     wording.hidden = !this.#isDriver;
