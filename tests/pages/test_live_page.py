@@ -43,12 +43,12 @@ STATUS = {
     "step": 4,
     "steps": 30,
     "state": "paused",
-    "items": [
-        {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
-        {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
-    ],
     "selected": "a",
 }
+ITEMS = [
+    {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
+    {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
+]
 
 DRIVEN = STATUS | {"steps": None, "clutch": {"left": False, "right": False}, "state": "waiting"}
 
@@ -65,6 +65,7 @@ class Shown:
         self.asked: list[PageMessage] = []
         self.server.listen(Command | Message, self.asked.append)
         self.server.publish_scene(self.geometry.name, self.geometry.data)
+        self.server.publish_items(ITEMS)
         self.server.publish_status(STATUS)
         self.frame(4)
 
