@@ -170,6 +170,9 @@ def test_a_discarded_episode_comes_back_with_its_videos(tmp_path: Path) -> None:
     bench.lead(5)
     bench.say("restore")
     assert bench.session.state is TeleopState.RECORDING
+    bench.say("discard")
+    assert bench.session.state is TeleopState.DECIDE, "asked before the arms go home"
+    bench.say("keep")
     (path,) = data.episodes()
     assert {video.name for video in data.videos()} >= {
         f"{path.stem}.{camera}.mp4" for camera in POLICY_CAMERAS
@@ -223,6 +226,7 @@ def test_arms_that_do_not_get_home_are_asked_about_again(tmp_path: Path) -> None
     assert bench.terminal.answers == []
     assert any("lost its connection" in said for said in bench.terminal.said)
     bench.say("restore")  # what was discarded before is still there
+    bench.say("keep")
     assert len(DataSet(tmp_path).episodes()) == 1
     bench.session.close()
 

@@ -89,6 +89,14 @@ class Desk:
         self.session.receive(said(json.dumps({"kind": kind, **fields})), self.now)
         self.wait()
 
+    def bring_back(self) -> str:
+        """Restore what was discarded last, and keep it; what the session says then."""
+        self.say("restore")
+        assert self.state is TeleopState.DECIDE
+        self.session.receive(said('{"kind": "keep"}'), self.now)
+        self.session._handle()
+        return self.session.note
+
     def leave(self) -> None:
         self.session.leave(self.now)
 
@@ -460,7 +468,7 @@ def test_the_device_is_what_the_page_led_with(
         desk.send(left=1, right=1, devices=devices)
     desk.say("discard")
     desk.send(left=1, devices=("headset",))
-    desk.say("restore")
+    desk.bring_back()
     (recording,) = desk.recordings()
     assert recording.info.actor == replace(PERSON, device=expected)
 
@@ -470,7 +478,7 @@ def test_a_device_that_led_before_is_not_that_of_the_next_episode(desk: Desk) ->
         desk.send()
         desk.send(left=1, right=1, devices=devices)
         desk.say("discard")
-        desk.say("restore")
+        desk.bring_back()
     assert [each.info.actor.device for each in desk.recordings()] == ["headset", "gamepad"]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.envs.sim_env import SimEnv
 from duobench.teleop.messages import Message
+from duobench.teleop.plumb import PlumbLines
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
@@ -150,18 +151,28 @@ class TeleopPage:
                 "count"
             ]  # the scene depends on what its layout chose
             self._geometry = self._new_geometry()
+            self._lines = self._new_lines()
             self._server.publish_scene(self._geometry.name, self._geometry.data)
         if self._server.has_viewers:
             poses = self._geometry.poses(self._data())
             shows_ms = self._session.device.executed_ms
-            frame = pack_frame(poses, status["step"], time.monotonic(), shows_ms)
+            frame = pack_frame(
+                poses,
+                status["step"],
+                time.monotonic(),
+                shows_ms,
+                self._lines.rows(),
+            )
             self._server.publish_frame(frame)
             self._tell(status)
         for pulse in self._session.haptics.take():
             self._server.pulse(*pulse)
 
     def _new_geometry(self) -> Geometry:
-        return Geometry(self._env.simulation.model, self._env.look)
+        return Geometry(self._env.simulation.model, self._env.look, cameras=True)
+
+    def _new_lines(self) -> PlumbLines:
+        return PlumbLines(self._env.simulation)
 
     def _data(self) -> mujoco.MjData:
         return self._env.simulation.data

@@ -52,6 +52,7 @@ TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 """Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
 from where its hand wants it, and when a hand lets go, or is lost."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
+ASKED_LATER = "Episode {} is asked about once this one is over, and kept or discarded."
 LATER = "The new instruction is that of the next episode."
 DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
@@ -136,6 +137,7 @@ class Teleoperation:
         """Number of kept episodes, with those of earlier sessions."""
         self._episodes = None if data is None else SessionEpisodes(env, data)
         self._number = 0 if self._episodes is None else self._episodes.next_number
+        self._is_settled = False  # whether the episode that is over was kept or discarded
         self._reset()
 
     # --- from any thread ---------------------------------------------------------------------
@@ -172,7 +174,7 @@ class Teleoperation:
         self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
         if self._is_paused:
             self.env.pause()
-        if self._is_paused or (self.lockstep and not has_hands):
+        if self._is_paused or self._question or (self.lockstep and not has_hands):
             return False
         if self._state is TeleopState.WAITING:
             prompt = self.device.prompt(now_s)
@@ -211,7 +213,7 @@ class Teleoperation:
             self.env.discard()
         elif self._is_solved:
             self._accept()
-        elif self._state is not TeleopState.OVER:
+        elif self._state is not TeleopState.OVER and not self._is_settled:
             self._note_attempt(UNDECIDED)
         self.env.close()
         if self._episodes is not None:
@@ -219,8 +221,19 @@ class Teleoperation:
 
     @property
     def state(self) -> TeleopState:
-        """State of the episode."""
+        """State of the episode, or of one that was restored, once it is asked about."""
+        if self._question:
+            return TeleopState.DECIDE
         return TeleopState.PAUSED if self._is_paused else self._state
+
+    @property
+    def _question(self) -> str:
+        """The question about a restored episode; empty while another one runs or is decided."""
+        episodes = self._episodes
+        is_open = self._state is TeleopState.WAITING or self._is_settled
+        if episodes is None or not episodes.asked or not is_open:
+            return ""
+        return f"Keep {next(iter(episodes.asked.values()))}, or discard it again?"
 
     def status(self) -> dict[str, Any]:
         """Return the fields of the page's message `status`."""
@@ -248,6 +261,7 @@ class Teleoperation:
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
+            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
             "stage_changes": [list(change) for change in self._stage_changes],
             "note": self._said(),
         }
@@ -264,6 +278,8 @@ class Teleoperation:
     def _said(self) -> str:
         if self._is_paused:
             return AWAY
+        if self._question:
+            return self._question
         left_s = self._limit_s - self.led_s
         if self._state is TeleopState.RECORDING and left_s <= WARNED_S:
             return (
@@ -320,6 +336,7 @@ class Teleoperation:
     def _step(self, intent: Intent) -> None:
         before = self._judge.get_state()
         self.env.clutch = intent.clutch
+        self._limited = intent.limited
         try:
             _, _, terminated, truncated, info = self.env.step(intent.action)
         except BackendError as error:
@@ -352,7 +369,9 @@ class Teleoperation:
             self._keep()
 
     def _keep(self) -> None:
-        if self._state is TeleopState.SUCCESS:
+        if self._question:
+            self._keep_restored()
+        elif self._state is TeleopState.SUCCESS:
             self._is_kept, self.note = True, "Solved; it will be kept."
         elif self._state is TeleopState.RECORDING:
             self.note = UNSOLVED
@@ -375,6 +394,10 @@ class Teleoperation:
     def _discard(self) -> None:
         if self._state is TeleopState.OVER:
             return
+        if self._question and self._episodes is not None:
+            self._episodes.discard_asked()
+            self._go_on()
+            return
         has_begun = self._state is not TeleopState.WAITING
         if has_begun and self._episodes is not None:
             self._episodes.set_aside()
@@ -384,17 +407,36 @@ class Teleoperation:
         self._next()
 
     def _restore(self) -> None:
-        """Keep after all what was discarded last; what is going on goes on."""
-        if self._episodes is None:
+        """Ask again about what was discarded last: now, or once what runs is over and decided."""
+        if self._episodes is None or self._state is TeleopState.OVER:
             return
         try:
             name = self._episodes.restore()
         except DuoBenchError as error:
             self.note = str(error)
             return
-        self.kept += 1
-        self.note = f"Episode {name} is restored, and kept."
-        if self._state is TeleopState.WAITING and self.kept >= self._wanted:
+        if not self._question:
+            self.note = ASKED_LATER.format(name)
+
+    def _keep_restored(self) -> None:
+        if self._episodes is None:
+            return
+        try:
+            name = self._episodes.keep_asked()
+            self.kept += 1
+            said = f"Episode {name} is restored, and kept."
+        except DuoBenchError as error:
+            said = str(error)
+        self._go_on()
+        self.note = said if self._state is not TeleopState.OVER else self.note
+
+    def _go_on(self) -> None:
+        """Go on after an answer about a restored episode, unless another one is asked about."""
+        if self._question:
+            return
+        if self._is_settled:
+            self._next()
+        elif self.kept >= self._wanted:
             self.env.discard()
             self._end_session()
 
@@ -423,6 +465,12 @@ class Teleoperation:
             self.note = LATER
 
     def _next(self) -> None:
+        """Begin the next episode, or end; restored ones are asked about before."""
+        self._is_settled = True
+        if self._question:
+            self._state = TeleopState.DECIDE
+            return
+        self._is_settled = False
         self._number += 1
         if self.kept >= self._wanted:
             self._end_session()
@@ -444,6 +492,7 @@ class Teleoperation:
         self._seen: DuoState = env.base.backend.read()
         self._steps = 0
         self._stage_changes: list[list[int]] = []
+        self._limited = (False, False)
         self._is_paused, self.note = False, ""
         self.pace.begin()
         self.device.begin(env.base.backend.last_command)

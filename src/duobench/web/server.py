@@ -244,6 +244,10 @@ class PageServer:
         """Show a status: all of it, since a browser that comes later gets this one alone."""
         self._server.call(self._show, "status", encode(kind="status", **status))
 
+    def publish_items(self, items: Sequence[Mapping[str, Any]]) -> None:
+        """Show a list of what can be chosen, each with an `id` and a `title`."""
+        self._server.call(self._show, "items", encode(kind="items", items=items))
+
     def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
         """Show what cameras see, again and again: a page that hears nothing says so.
 
@@ -389,7 +393,7 @@ class PageServer:
         peer = Peer(connection)
         self._peers[peer] = None
         self._let_drive(self._driver)
-        for place in ("scene", "status", FRAME):
+        for place in ("scene", "items", "status", FRAME):
             if place in self._latest:
                 peer.put(place, self._latest[place])
         sending = asyncio.create_task(peer.send_all())

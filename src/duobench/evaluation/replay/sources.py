@@ -10,9 +10,11 @@ from typing import Any
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
+from duobench.data.reviews import name_of
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
 from duobench.evaluation.replay.player import Latest, RecordPlayer, why_not
+from duobench.evaluation.replay.takes import UNUSED, Recorded, Take
 from duobench.evaluation.replay.trajectory import (
     SceneCache,
     Trajectory,
@@ -52,6 +54,8 @@ class Item:
     detail: str = ""
     state: str = ""
     """End of the episode in words; empty for other items."""
+    take: Take | None = None
+    """What a second look shows of a recording."""
 
 
 class TaskSource:
@@ -85,7 +89,7 @@ class TaskSource:
 
 
 class DataSource:
-    """The episodes of a data set, as their recorded states are."""
+    """The episodes of a data set, as their recorded states are, for a second look at them."""
 
     def __init__(
         self,
@@ -94,18 +98,47 @@ class DataSource:
         tasks: Sequence[str] = (),
         view: View | None = None,
     ) -> None:
-        self._data, self._look = data, as_look(look)
+        self._data, self._look, self._tasks = data, as_look(look), tasks
         self.title = data.path.name
-        self._paths = {
-            f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)
-        }
-        self.items = [_recorded(name, path) for name, path in self._paths.items()]
         self._source: Latest[ImageSource] = Latest()
         self._scenes = SceneCache(view)
+        self._reviews = data.reviews
+        self._recorded: dict[str, Recorded] = {}
+        self._list()
+
+    @property
+    def items(self) -> list[Item]:
+        """The takes, as they stand now."""
+        return list(self._items.values())
+
+    def refresh(self, is_last: bool = False) -> dict[str, Any]:  # noqa: ARG002 - as of a run
+        """List new recordings, and what others have said about those that are there."""
+        if self._reviews.refresh() or len(self._files()) != len(self._recorded):
+            self._list()
+        return {}
+
+    def review(self, item: str, **said: Any) -> None:
+        """Write down what somebody says about a take; see `Reviews.add`."""
+        self._reviews.add(self._recorded[item].path, **said)
+        self._list()
+
+    def _files(self) -> list[Path]:
+        return self._data.episodes_of(self._tasks)
+
+    def _list(self) -> None:
+        before = self._recorded
+        self._recorded = {
+            name_of(path): before.get(name_of(path)) or Recorded.read(path)
+            for path in self._files()
+        }
+        self._items = {
+            name: _recorded(name, recorded.take(self._reviews))
+            for name, recorded in self._recorded.items()
+        }
 
     def load(self, item: str) -> Trajectory:
         """Collect the poses of every recorded state."""
-        recording = Recording.read(self._paths[item])
+        recording = Recording.read(self._recorded[item].path)
         info = recording.info
         task = catalog.get(self._data.reference(info))
         if info.is_real:
@@ -390,19 +423,13 @@ def open_view(
     return source
 
 
-def _recorded(name: str, path: Path) -> Item:
-    info = Recording.read_info(path)
-    outcome = info.outcome
-    succeeded = outcome is not None and outcome.success
-    actor = info.actor.name or str(info.actor.kind)
-    stage = "" if outcome is None else f", stage {outcome.stage} of {outcome.max_stage}"
-    state = SUCCESS if succeeded else FAILURE
-    detail = f"{actor}: {state}{stage}"
+def _recorded(name: str, take: Take) -> Item:
     return Item(
         id=name,
         title=name.replace("/", " "),
-        detail=detail,
-        state=state,
+        detail=str(take),
+        state=take.end if take.kept else UNUSED,
+        take=take,
     )
 
 

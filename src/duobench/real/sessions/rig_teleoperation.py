@@ -31,6 +31,7 @@ from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.intent import TeleopDevice
 from duobench.teleop.messages import Discard, Hands, Keep
+from duobench.teleop.plumb import PlumbLines
 from duobench.teleop.teleop_page import TeleopPage
 from duobench.teleop.teleoperation import (
     TIME_LIMIT_S,
@@ -201,6 +202,9 @@ class RigTeleopPage(TeleopPage):
         if layout.poses:
             self._picture.apply(layout)
         return Geometry(self._picture.model)
+
+    def _new_lines(self) -> PlumbLines:
+        return PlumbLines(self._picture, has_objects=False)
 
     def _data(self) -> mujoco.MjData:
         # Linkages of grippers can be shown open only.

@@ -74,7 +74,6 @@ export class Status {
     this.#write(".note", note);
     this.#showStages(status);
     this.#showFacts(status);
-    this.#showItems(status.items ?? [], status.selected);
     this.#showTimeline(status);
     this.#showDriving();
   }
@@ -139,8 +138,8 @@ export class Status {
     this.#part(".facts").replaceChildren(...rows);
   }
 
-  /** A list of what can be shown. */
-  #showItems(items, selected) {
+  /** Offer what can be shown, in a list. */
+  offer(items, selected) {
     const text = JSON.stringify([items, selected]);
     if (text === this.#items) return;
     this.#items = text;
