@@ -297,6 +297,8 @@ def test_keep_discard_and_restore_are_said_once(
         page.page.evaluate(f"push({button}, 0)")
         page.settle()
     assert said(page) == [count + 2 for count in before]
+    page.page.keyboard.press("r")
+    page.wait(lambda: page.said("alone") == 1)
 
 
 def test_no_other_key_and_no_other_button_decides(

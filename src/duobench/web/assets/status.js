@@ -202,7 +202,7 @@ export class Status {
     keep.hidden = !this.#isDriver || !this.#last.may_keep;
     keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
     const alone = this.#part("#alone");
-    alone.hidden = !this.#isDriver || !RUNNING.includes(state);
+    alone.hidden = !this.#isDriver || !this.#last.pace || !RUNNING.includes(state);
     alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
     this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
     this.#part("#wording").hidden = !this.#isDriver;
