@@ -145,7 +145,6 @@ class Leading:
         self._device = device
         self._policy = policy
         self._has_taken_over = False
-        self._operator = env.actor
         self._why = -1
         self.is_policy = policy is not None
         """Whether the policy leads now, or will when it goes on."""
@@ -160,7 +159,6 @@ class Leading:
 
     def begin(self, info: Info) -> None:
         """Begin an episode; the policy leads first."""
-        self._operator = self._env.actor
         self._has_taken_over = False
         self.is_policy = self._policy is not None
         if self._policy is not None:
@@ -249,7 +247,7 @@ class Leading:
         self.is_policy = False
         self._has_taken_over = True
         self._why = -1
-        self._env.take_over(self._operator)
+        self._env.take_over(self._env.actor)
         self.note = "You lead: N says why."
 
     def _give_back(self) -> None:
