@@ -132,6 +132,17 @@ class Recording:
             self.leader
         ]
 
+    @property
+    def corrections(self) -> tuple[tuple[int, int, str], ...]:
+        """Stretches that were led in the place of a policy: first row, row after it, and reason."""
+        ends = np.append(np.flatnonzero(self.is_led_by_policy), len(self))
+        found = []
+        for takeover in self.info.takeovers:
+            if takeover.step < len(self):
+                end = int(ends[np.searchsorted(ends, takeover.step)])
+                found.append((takeover.step, end, takeover.why))
+        return tuple(found)
+
     def until(self, actions: int) -> "Recording":
         """The episode up to what was seen after so many actions."""
         rows = {

@@ -184,15 +184,11 @@ def used_rows(
 
 def _corrected(recording: Recording, choice: RowChoice) -> NDArray[np.bool_]:
     """Rows (T,) that take-overs are about."""
-    before = choice.from_takeover
-    begins = [each.step for each in recording.info.takeovers]
+    before = choice.from_takeover or 0
     wanted = np.zeros(len(recording), np.bool_)
-    if choice.only_corrections and begins:
-        wanted = ~recording.is_led_by_policy
-        for step in begins:
-            wanted[max(0, step - (before or 0)) : step] = True
-    elif begins:
-        wanted[max(0, min(begins) - (before or 0)) :] = True
+    for begin, end, _ in recording.corrections:
+        last = end if choice.only_corrections else None
+        wanted[max(0, begin - before) : last] = True
     return wanted
 
 

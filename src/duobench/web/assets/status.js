@@ -176,7 +176,8 @@ export class Status {
     this.#part(".timeline").hidden = !steps;
     if (!steps) return;
     const last = rest.max_stage ?? rest.stages?.length ?? 0;
-    this.#timeline.content = { steps: steps + 1, rate, changes, last };
+    const spans = rest.corrections ?? [];
+    this.#timeline.content = { steps: steps + 1, rate, changes, last, spans };
     this.#timeline.isPlaying = state === "playing";
     if (step !== undefined) this.#timeline.step = step;
   }
