@@ -96,6 +96,8 @@ class Export:
     """Versions of the packages that the images depend on."""
     episodes: tuple[SourceEpisode, ...]
     """Episodes in the order of the export."""
+    failures: int = 0
+    """Kept episodes that people led without success, which are left out."""
     object_state_names: tuple[str, ...] = ()
     """Names of the numbers of the object state; none where it is not exported."""
     cameras: dict[str, Any] = field(default_factory=dict)
