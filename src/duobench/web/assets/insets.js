@@ -41,7 +41,7 @@ export class Insets {
   mark = () => {};
   #place;
   #tiles = [];
-  #active = null;
+  #active = [];
   #turn = 0;
 
   constructor(place) {
@@ -63,11 +63,11 @@ export class Insets {
     this.#place.hidden = false;
   }
 
-  /** Say which arm is led: its camera is the bright one, and drawn most often. */
-  set active(side) {
-    this.#active = side;
+  /** Say which arms are led: their cameras are the bright ones, and drawn most often. */
+  set active(sides) {
+    this.#active = sides;
     for (const { camera, figure } of this.#tiles) {
-      const isOther = camera.body && side && !camera.name.startsWith(side);
+      const isOther = camera.body && sides.length && !sides.some((side) => camera.name.startsWith(side));
       figure.dataset.state = isOther ? "other" : "live";
     }
   }
@@ -83,7 +83,7 @@ export class Insets {
     if (!poses) return false;
     const old = this.#tiles.filter(({ shown }) => shown !== poses);
     if (!old.length) return false;
-    const isActive = ({ camera }) => this.#active && camera.name.startsWith(this.#active);
+    const isActive = ({ camera }) => this.#active.some((side) => camera.name.startsWith(side));
     const next = (this.#turn++ % 2 && old.find(isActive)) || old.toSorted((a, b) => a.when - b.when)[0];
     next.shown = poses;
     next.when = this.#turn;

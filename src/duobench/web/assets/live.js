@@ -27,6 +27,7 @@ class Live {
   #marks;
   #notices;
   #views;
+  #saysStages = false; // whether digits are for something else than views
   #latency = null; // of what drives
   #run = null; // what shows a run that goes on, once it was loaded
   #takes = null; // what takes a second look at recordings, once it was loaded
@@ -73,6 +74,8 @@ class Live {
       this.#selected = message.selected;
       this.#offer();
       if (message.run) this.#follow(message);
+      this.#saysStages = Boolean(message.says_stages);
+      this.#notices.taken(this.#status.taken);
       this.#limit(message.limited ?? {});
       if (message.clutch && !this.#inputs) this.#inputs = this.#loadInputs();
     } else if (message.kind === "items") {
@@ -83,8 +86,7 @@ class Live {
       this.#status.showRole(message);
       this.#notices.taken(this.#status.taken);
       this.#drawMarks();
-    }
-    else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
+    } else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
     else if (message.kind === "refused") this.#status.say(message.reason);
   }
 
@@ -138,8 +140,8 @@ class Live {
     };
     headset.pictures = (gl) => this.#insets.pictures(gl, this.#view.scene);
     const mark = hands.onActive;
-    hands.onActive = (side) => {
-      mark(side);
+    hands.onActive = () => {
+      mark();
       this.#drawMarks();
     };
     this.#hands = hands;
@@ -148,8 +150,9 @@ class Live {
       bar: document.querySelector(".views"),
       page: document.querySelector("main"),
       orbit: this.#view.orbit,
-      active: () => hands.active,
+      active: () => hands.lead,
       tool: (side) => this.#marks.tool(side),
+      takesDigits: () => !this.#saysStages,
     });
     this.#views.cameras = this.#view.scene.header?.cameras ?? [];
     this.#status.latency = () => hands.latency.ms;
@@ -165,7 +168,7 @@ class Live {
 
   #drawMarks() {
     const canvas = document.querySelector("canvas");
-    const active = this.#status.isDriver && this.#hands ? this.#hands.active : null;
+    const active = this.#status.isDriver && this.#hands ? this.#hands.sides : [];
     this.#marks.active = this.#insets.active = active;
     this.#marks.draw(this.#view.orbit, canvas.clientWidth, canvas.clientHeight);
   }
