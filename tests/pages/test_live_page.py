@@ -12,6 +12,7 @@ from dev.tools.pages import PHONE, View
 from duobench.evaluation.replay.viewer import Command, SeekStep, SelectItem, SetPlaying
 from duobench.tasks import get
 from duobench.teleop.messages import (
+    Alone,
     Discard,
     Hands,
     Instruction,
@@ -43,12 +44,12 @@ STATUS = {
     "step": 4,
     "steps": 30,
     "state": "paused",
-    "items": [
-        {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
-        {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
-    ],
     "selected": "a",
 }
+ITEMS = [
+    {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
+    {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
+]
 
 DRIVEN = STATUS | {"steps": None, "clutch": {"left": False, "right": False}, "state": "waiting"}
 
@@ -65,6 +66,7 @@ class Shown:
         self.asked: list[PageMessage] = []
         self.server.listen(Command | Message, self.asked.append)
         self.server.publish_scene(self.geometry.name, self.geometry.data)
+        self.server.publish_items(ITEMS)
         self.server.publish_status(STATUS)
         self.frame(4)
 
@@ -244,6 +246,25 @@ def test_a_recording_that_waits_says_so_and_may_be_discarded(page: Page, shown: 
     assert broken_rules(page) == []
     page.get_by_role("button", name="Discard").click()
     wait_for(page, shown, Discard())
+
+
+def test_page_says_that_the_world_stands_and_lets_it_run_alone(page: Page, shown: Shown) -> None:
+    led = DRIVEN | {"state": "recording", "pace": "led", "led_s": 34.6, "limit_s": 600.0}
+    shown.server.publish_status(led)
+    page.get_by_role("button", name="Drive").click()
+    page.get_by_text("Recording", exact=True).wait_for()
+    facts = str(page.locator(".facts").text_content())
+    assert "Led34 of 600 sWorldruns as you lead" in facts
+    shown.server.publish_status(led | {"pace": "standing"})
+    page.get_by_text("Standing still: lead on", exact=True).wait_for()
+    button = page.get_by_role("button", name="Run alone")
+    assert button.get_attribute("aria-pressed") == "false"
+    assert broken_rules(page) == []
+    button.click()
+    wait_for(page, shown, Alone())
+    shown.server.publish_status(led | {"pace": "alone", "alone": True})
+    page.wait_for_selector("#alone[aria-pressed=true]")
+    assert broken_rules(page) == []
 
 
 def test_what_was_discarded_is_restored_by_a_button(page: Page, shown: Shown) -> None:

@@ -211,8 +211,8 @@ class Teleoperation:
             return False
         backend = self.env.base.backend
         intent = self.device.intend(now_s, self._seen, backend.last_command)
-        runs = self.pace.runs(intent, self._seen) or self._state is TeleopState.SUCCESS
-        if not runs and self._stand():
+        ends = self._state is TeleopState.SUCCESS
+        if not self.pace.runs(intent, self._seen, ends=ends) and self._stand():
             return False
         self._step(intent)
         return True

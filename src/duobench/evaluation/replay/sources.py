@@ -1,14 +1,17 @@
 """Sources of the viewer: a task, recorded episodes, and episodes of a run, finished or not."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
-from duobench.data import DataSet, ImageSource, Recording
+from duobench.core.types import OPENING_SLOTS, SIDES, DuoCommand
+from duobench.data import DataSet, EpisodeInfo, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
 from duobench.data.reviews import name_of
 from duobench.envs.config import LAYOUT_SEED
@@ -33,8 +36,13 @@ from duobench.web.server import PageServer
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import View
+from duobench.world.sim.simulation import Simulation
 
 LAYOUTS = 20
+REAL_ARMS = (
+    "Real arms as they were measured, with open grippers; objects stand where the layout asked for "
+    "them. What really was there the videos beside the recording show."
+)
 FAILURES = 5
 """Failures that are listed, the latest first."""
 _LATEST = 20
@@ -141,21 +149,21 @@ class DataSource:
         recording = Recording.read(self._recorded[item].path)
         info = recording.info
         task = catalog.get(self._data.reference(info))
-        if info.is_real:
-            raise EvaluationError(
-                "It was played on real arms, whose objects were not measured: there is no state of "
-                "a simulation to show."
-            )
         source = self._source.get(
             info.task, lambda: ImageSource(task, cameras=(), look=self._look)
         )
-        source.show(recording, 0)  # with the variants of its layout
+        show = source.show
+        note = ""
+        if info.is_real:
+            show = _picture_of(source.simulation, task, info)
+            note = REAL_ARMS
+        show(recording, 0)  # with the variants of its layout
         recorder = TrajectoryRecorder(self._scenes, self._look)
         recorder.begin(source.simulation, task, info.instruction, info.subinstructions)
         for row in range(len(recording) + 1):
-            source.show(recording, row)
+            show(recording, row)
             recorder.add(row, int(recording.stage[row]))
-        return recorder.trajectory()
+        return recorder.trajectory(note)
 
     def close(self) -> None:
         """Close the simulation."""
@@ -421,6 +429,25 @@ def open_view(
     if not source.items:
         raise EvaluationError(f"{what} has no finished episode to view.")
     return source
+
+
+def _picture_of(
+    simulation: Simulation, task: Task, info: EpisodeInfo
+) -> Callable[[Recording, int], None]:
+    """Return what shows real arms where they were measured, with grippers open.
+
+    Objects stand where the layout asked for them.
+    """
+    if info.seed is not None and info.split is not None:
+        simulation.apply(next(task.layouts(info.seed, info.split)))
+
+    def show(recording: Recording, row: int) -> None:
+        joints = np.delete(recording.agent_pos[row], OPENING_SLOTS)
+        command = DuoCommand(joints=joints.reshape(len(SIDES), -1), openings=np.ones(2))
+        simulation.duo.set_configuration(command)
+        simulation.forward()
+
+    return show
 
 
 def _recorded(name: str, take: Take) -> Item:

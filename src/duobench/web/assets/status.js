@@ -142,7 +142,7 @@ export class Status {
       Discarded: discarded || null,
       "Hand to picture": said(seen),
       "Of it on the server": seen === null ? null : said(served),
-      "Samples lost": lost,
+      "Moments of your hands too late to count": lost,
       Clutch: held && (held.length ? `${held.join(" and ")} closed` : "open"),
     };
     const rows = Object.entries(facts)
@@ -202,7 +202,7 @@ export class Status {
     keep.hidden = !this.#isDriver || !this.#last.may_keep;
     keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
     const alone = this.#part("#alone");
-    alone.hidden = !this.#isDriver || !RUNNING.includes(state);
+    alone.hidden = !this.#isDriver || !this.#last.pace || !RUNNING.includes(state);
     alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
     this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
     this.#part("#wording").hidden = !this.#isDriver;
