@@ -133,7 +133,14 @@ def test_two_operators_lead_a_plan_and_given_up_layouts_come_back(tmp_path: Path
         ("bin_sort", episode_seed("bin_sort", 0, TRAIN), p08),
         ("bin_sort", episode_seed("bin_sort", 1, TRAIN), PERSON),
     }
-    bins, pots = summarize(DataSet(tmp_path)).tasks
+    summary = summarize(DataSet(tmp_path))
+    takes = {(led.task, led.operator, led.device): led.takes for led in summary.leading}
+    assert takes == {
+        ("bin_sort", "person P07", "mouse"): 1,
+        ("bin_sort", "person P08", "mouse"): 2,  # one was discarded
+        ("carry_pot", "person P07", "mouse"): 2,
+    }
+    bins, pots = summary.tasks
     assert bins.attempted == "3 begun, 2 of them kept"
     assert pots.attempted == "2 begun, 2 of them kept"
     bigger = PlanDesk(tmp_path, "carry_pot x 2 x 2")
