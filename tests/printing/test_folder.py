@@ -123,7 +123,7 @@ def test_an_evaluation_says_which_mazes_it_asks_for_and_what_to_buy(tmp_path: Pa
     simulation = Simulation(task.props, task.overview)
     asked = {
         first_valid(simulation, task.layouts(episode_seed(task.id, index)), task.id).variants[
-            "maze"
+            "board"
         ]
         for index in range(trials)
     }
