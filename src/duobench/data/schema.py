@@ -185,6 +185,10 @@ class ActorKind(StrEnum):
         return self in (ActorKind.POLICY, ActorKind.EXPERT)
 
 
+PEOPLE = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)
+"""Kinds of actors that lead: a person, or a program in the place of one."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Actor:
     """Actor of an episode."""
@@ -295,8 +299,7 @@ class EpisodeInfo:
     @property
     def is_led(self) -> bool:
         """Whether a person led in it, or a program in the place of one."""
-        people = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)
-        return any(actor.kind in people for actor in self.actors)
+        return any(actor.kind in PEOPLE for actor in self.actors)
 
     @property
     def widths(self) -> dict[str, int]:
