@@ -85,16 +85,10 @@ def _actors(summary: Summary) -> Iterator[str]:
         if task.led is not None:
             yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
         yield from _unused(task)
-        idle = task.unused.get(Reason.IDLE, 0)
-        if idle:
-            yield (
-                f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
-                "which exports leave out"
-            )
 
 
 def _unused(task: TaskSummary) -> Iterator[str]:
-    """Episodes and rows that are not used, but for idle ones."""
+    """Episodes and rows that are not used."""
     parts = {
         "not to be used": task.discarded,
         "without success though kept, which exports leave out": task.failures_led,
@@ -106,6 +100,12 @@ def _unused(task: TaskSummary) -> Iterator[str]:
     trimmed = task.unused.get(Reason.TRIMMED, 0)
     if trimmed:
         yield f"{task.task}: {trimmed} of {task.frames} rows were trimmed away"
+    idle = task.unused.get(Reason.IDLE, 0)
+    if idle:
+        yield (
+            f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
+            "which exports leave out"
+        )
 
 
 def _smoothness(summary: Summary) -> Table:
