@@ -30,7 +30,11 @@ _Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 
 
 class Review(
-    msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, forbid_unknown_fields=True
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    omit_defaults=True,
+    forbid_unknown_fields=True,
 ):
     """One line: what somebody said about a recording; what is None or empty stays as it was."""
 
@@ -205,8 +209,6 @@ class Reviews:
         length = Recording.read_length(episode)
         if rows is not None and rows[1] > length:
             raise DataError(f"The rows of {episode} are 0 to {length}, got {rows}.")
-        if undo and self.of(episode) == Judgement():
-            raise DataError(f"Nothing was said about {name_of(episode)} that stands.")
         said = {
             "episode": name_of(episode),
             "facts": Recording.read_checksum(episode),
@@ -223,6 +225,8 @@ class Reviews:
         except (msgspec.ValidationError, UnicodeEncodeError) as error:
             text = f"This cannot be said about {episode}: {error}".rstrip(".")
             raise DataError(f"{text}.") from error
+        if undo and self.of(episode) == Judgement():
+            raise DataError(f"Nothing was said about {name_of(episode)} that stands.")
         self.append([review])
         return review
 

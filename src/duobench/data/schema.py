@@ -179,6 +179,11 @@ class ActorKind(StrEnum):
     SCRIPTED_OPERATOR = "scripted operator"
     """A program in the place of a person, which moves hands as an expert moves tools."""
 
+    @property
+    def is_policy(self) -> bool:
+        """Whether it is what a person may take over from."""
+        return self in (ActorKind.POLICY, ActorKind.EXPERT)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Actor:
@@ -286,6 +291,12 @@ class EpisodeInfo:
     def actors(self) -> tuple[Actor, ...]:
         """All who led, in the order in which they did first: `leader` is a place in these."""
         return self.leaders or (self.actor,)
+
+    @property
+    def is_led(self) -> bool:
+        """Whether a person led in it, or a program in the place of one."""
+        people = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)
+        return any(actor.kind in people for actor in self.actors)
 
     @property
     def widths(self) -> dict[str, int]:

@@ -10,7 +10,7 @@ import msgspec
 
 from duobench.core.errors import escaped
 from duobench.core.spatial import SE3, length
-from duobench.web.messages import PageMessage
+from duobench.web.messages import PageMessage, SelectItem
 
 FARTHEST = 100.0
 """Largest coordinate of a hand in metres; only differences of poses matter."""
@@ -18,6 +18,8 @@ NORM_TOLERANCE = 1e-3
 """Tolerance of the length of a quaternion."""
 LONGEST_INSTRUCTION = 300
 """Characters of an instruction that an operator types."""
+LONGEST_NAME = 60
+"""Characters of an operator's pseudonym."""
 LONGEST_QUEUE = 1024
 """Messages that may wait; beyond, the oldest are forgotten."""
 
@@ -102,7 +104,17 @@ class Recentre(PageMessage, frozen=True):
 
 
 class Alone(PageMessage, frozen=True):
-    """Let the world run though nobody leads, or no longer."""
+    """Let the world run though nobody leads, or no longer; a policy pauses, or goes on."""
+
+
+class Why(PageMessage, frozen=True):
+    """Reason why the last take-over of a policy began; empty for the next usual one."""
+
+    text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)] = ""
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        _check_line("a reason", self.text)
 
 
 class Instruction(PageMessage, frozen=True):
@@ -112,11 +124,36 @@ class Instruction(PageMessage, frozen=True):
     """One line that can be printed."""
 
     def __post_init__(self) -> None:
-        if self.text != escaped(self.text) or len(self.text.splitlines()) > 1:
-            raise ValueError("an instruction is one line that can be printed")
+        _check_line("an instruction", self.text)
 
 
-Message = Hands | Keep | Discard | Restore | Recentre | Alone | Instruction
+def _check_line(what: str, text: str) -> None:
+    if text != escaped(text) or len(text.splitlines()) > 1:
+        raise ValueError(f"{what} is one line that can be printed")
+
+
+class Operator(PageMessage, frozen=True):
+    """Pseudonym of the operator who leads from now on; empty for none."""
+
+    name: Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        _check_line("a pseudonym", self.name)
+
+
+Message = (
+    Hands
+    | Keep
+    | Discard
+    | Restore
+    | Recentre
+    | Alone
+    | Why
+    | Instruction
+    | Operator
+    | SelectItem
+)
 """Everything that an operator may send."""
 
 

@@ -1,14 +1,17 @@
 """Sources of the viewer: a task, recorded episodes, and episodes of a run, finished or not."""
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
-from duobench.data import DataSet, ImageSource, Recording
+from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, SIDES, DuoCommand
+from duobench.data import DataSet, EpisodeInfo, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
 from duobench.data.reviews import name_of
 from duobench.envs.config import LAYOUT_SEED
@@ -21,7 +24,7 @@ from duobench.evaluation.replay.trajectory import (
     TrajectoryRecorder,
 )
 from duobench.evaluation.replay.verification import disagreements
-from duobench.results.attempts import ERROR, FAILURE, SUCCESS
+from duobench.results.attempts import ERROR, FAILURE
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader
 from duobench.results.journal import end_of
@@ -33,8 +36,13 @@ from duobench.web.server import PageServer
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import View
+from duobench.world.sim.simulation import Simulation
 
 LAYOUTS = 20
+REAL_ARMS = (
+    "Real arms as they were measured, with open grippers; objects stand where the layout asked for "
+    "them. What really was there the videos beside the recording show."
+)
 FAILURES = 5
 """Failures that are listed, the latest first."""
 _LATEST = 20
@@ -141,21 +149,24 @@ class DataSource:
         recording = Recording.read(self._recorded[item].path)
         info = recording.info
         task = catalog.get(self._data.reference(info))
-        if info.is_real:
-            raise EvaluationError(
-                "It was played on real arms, whose objects were not measured: there is no state of "
-                "a simulation to show."
-            )
         source = self._source.get(
             info.task, lambda: ImageSource(task, cameras=(), look=self._look)
         )
-        source.show(recording, 0)  # with the variants of its layout
+        show = source.show
+        note = ""
+        if info.is_real:
+            show = _picture_of(source.simulation, task, info)
+            note = REAL_ARMS
+        show(recording, 0)  # with the variants of its layout
         recorder = TrajectoryRecorder(self._scenes, self._look)
         recorder.begin(source.simulation, task, info.instruction, info.subinstructions)
         for row in range(len(recording) + 1):
-            source.show(recording, row)
+            show(recording, row)
             recorder.add(row, int(recording.stage[row]))
-        return recorder.trajectory()
+        corrections = recording.corrections
+        if corrections:
+            note = f"{note} {_in_words(corrections)}".strip()
+        return replace(recorder.trajectory(note), corrections=corrections)
 
     def close(self) -> None:
         """Close the simulation."""
@@ -421,6 +432,35 @@ def open_view(
     if not source.items:
         raise EvaluationError(f"{what} has no finished episode to view.")
     return source
+
+
+def _picture_of(
+    simulation: Simulation, task: Task, info: EpisodeInfo
+) -> Callable[[Recording, int], None]:
+    """Return what shows real arms where they were measured, with grippers open.
+
+    Objects stand where the layout asked for them.
+    """
+    if info.seed is not None and info.split is not None:
+        simulation.apply(next(task.layouts(info.seed, info.split)))
+
+    def show(recording: Recording, row: int) -> None:
+        joints = np.delete(recording.agent_pos[row], OPENING_SLOTS)
+        command = DuoCommand(joints=joints.reshape(len(SIDES), -1), openings=np.ones(2))
+        simulation.duo.set_configuration(command)
+        simulation.forward()
+
+    return show
+
+
+def _in_words(corrections: Sequence[tuple[int, int, str]]) -> str:
+    """Corrections as a sentence."""
+    parts = [
+        f"{begin / CONTROL_HZ:.1f} to {end / CONTROL_HZ:.1f} s"
+        + (f" ({why})" if why else "")
+        for begin, end, why in corrections
+    ]
+    return f"Taken over from the policy: {', '.join(parts)}."
 
 
 def _recorded(name: str, take: Take) -> Item:

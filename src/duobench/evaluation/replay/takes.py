@@ -8,8 +8,9 @@ from duobench.data import EpisodeInfo, Recording
 from duobench.data.reviews import Reviews
 from duobench.results.attempts import FAILURE, SUCCESS
 
-CUT, UNUSED = "cut", "not to be used"
+CUT, TRIMMED = "cut", "success trimmed away"
 """Ends of a recording in words, beside success and failure."""
+UNUSED = "not to be used"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -25,8 +26,11 @@ class Take:
     stage: int
     max_stage: int
     end: str
-    """How it ended: success, failure or cut."""
+    """How it ended: success, failure, cut, or a success whose row is not among those that are
+    used."""
     kept: bool
+    exported: bool
+    """Whether exports take it by default: a person's without success they leave out."""
     reason: str = ""
     """Why it is not kept."""
     note: str = ""
@@ -55,7 +59,9 @@ class Recorded:
     def read(path: Path) -> "Recorded":
         """Read a file; a `DataError` if it cannot be read."""
         info = Recording.read_info(path)
-        return Recorded(path=path, info=info, led_s=Recording.read_led(path) / CONTROL_HZ)
+        return Recorded(
+            path=path, info=info, led_s=Recording.read_led(path) / CONTROL_HZ
+        )
 
     def take(self, reviews: Reviews) -> Take:
         """The take after what was said about it."""
@@ -67,6 +73,8 @@ class Recorded:
             end = CUT
         elif outcome.success:
             end = SUCCESS
+        elif self.info.outcome is not None and self.info.outcome.success:
+            end = TRIMMED
         return Take(
             task=info.task,
             operator=info.actor.name or str(info.actor.kind),
@@ -76,6 +84,9 @@ class Recorded:
             max_stage=0 if outcome is None else outcome.max_stage,
             end=end,
             kept=outcome is not None and outcome.kept,
+            exported=outcome is not None
+            and outcome.kept
+            and (outcome.success or not info.is_led),
             reason="" if outcome is None else outcome.reason or "",
             note=judgement.note,
             rows=judgement.rows,

@@ -18,7 +18,7 @@ from duobench.core.types import CONTROL_HZ
 from duobench.data.reviews import MAX_TEXT
 from duobench.evaluation.replay.sources import DataSource, ViewSource
 from duobench.evaluation.replay.trajectory import Trajectory
-from duobench.web.messages import PageMessage, pack_frame
+from duobench.web.messages import PageMessage, SelectItem, pack_frame
 from duobench.web.server import PageServer
 
 MAX_TRAJECTORIES = 64
@@ -34,12 +34,6 @@ _IDLE_S = 0.1
 
 
 _Step = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
-
-
-class SelectItem(PageMessage, frozen=True, tag="select"):
-    """Show an item, from its beginning."""
-
-    id: Annotated[str, msgspec.Meta(max_length=300)]
 
 
 class SeekStep(PageMessage, frozen=True, tag="seek"):
@@ -145,7 +139,10 @@ class Viewer:
 
     def _on_message(self, command: Command) -> str | None:
         """Take a message, in the server's thread; any visitor of the page may choose."""
-        if isinstance(command, SelectItem | ReviewTake) and command.id not in self._known:
+        if (
+            isinstance(command, SelectItem | ReviewTake)
+            and command.id not in self._known
+        ):
             raise MessageError(f"There is no {command.id!r} to show.")
         if isinstance(command, ReviewTake) and not isinstance(self._source, DataSource):
             raise MessageError("Nothing is said about episodes of a run.")
@@ -183,7 +180,10 @@ class Viewer:
     def _review(self, command: ReviewTake) -> None:
         if not isinstance(self._source, DataSource):
             return
-        said = {name: getattr(command, name) for name in ("by", "kept", "note", "rows", "undo")}
+        said = {
+            name: getattr(command, name)
+            for name in ("by", "kept", "note", "rows", "undo")
+        }
         try:
             self._source.review(command.id, **said)
             self._note = "" if self._shown is None else self._shown.note
@@ -270,6 +270,7 @@ class Viewer:
                 "max_stage": len(shown.stages),
                 "stages": shown.stages,
                 "stage_changes": shown.stage_changes,
+                "corrections": shown.corrections,
                 "step": self._step,
                 "steps": self._last,
                 "state": ("playing" if self._plays else "paused")

@@ -7,6 +7,7 @@ const STATES = {
   recording: "Recording",
   success: "Success",
   decide: "Keep or discard?",
+  preparing: "The next layout is prepared",
   over: "Over",
   playing: "Playing",
   paused: "Paused",
@@ -33,6 +34,7 @@ export class Status {
   #isDrivable = false;
   #isDriver = false;
   #role = null;
+  #name = null; // pseudonym under which this page drives, or is to
 
   constructor(page, tell) {
     this.#page = page;
@@ -41,7 +43,7 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of ["keep", "discard", "restore", "alone"]) {
+    for (const kind of ["keep", "discard", "restore", "alone", "why"]) {
       this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
     }
     this.#part("#drive").addEventListener("click", () => {
@@ -51,6 +53,11 @@ export class Status {
     this.#part("#wording").addEventListener("submit", (event) => {
       event.preventDefault();
       tell({ kind: "instruction", text: this.#part("#wording input").value.trim() });
+    });
+    this.#part("#who").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#name = this.#part("#who input").value.trim();
+      if (this.#isDriver) tell({ kind: "operator", name: this.#name });
     });
   }
 
@@ -62,6 +69,7 @@ export class Status {
 
   show(status) {
     this.#last = status;
+    if (this.#isDriver) this.#name = status.operator ?? null;
     const { title, task, instruction, next, state, note, success, pace } = status;
     const stands = state === "recording" && pace === "standing";
     const name = title ?? task;
@@ -79,8 +87,13 @@ export class Status {
   }
 
   showRole(role) {
+    const wasDriver = this.#isDriver;
     this.#role = role;
     this.#isDriver = role.role === "driver";
+    if (this.#isDriver && !wasDriver && this.#name !== null) {
+      this.#tell({ kind: "operator", name: this.#name });
+    }
+    if (this.#isDriver) this.#name ??= this.#last.operator ?? null;
     this.#showDriving();
   }
 
@@ -117,19 +130,20 @@ export class Status {
 
   #showFacts(status) {
     const { count, kept, wanted, discarded, latency_ms: served, lost, clutch } = status;
-    const { state, pace, led_s: led, limit_s: limit } = status;
+    const { state, pace, led_s: led, limit_s: limit, policy } = status;
     const seen = this.latency();
     const said = (ms) => (ms === null || ms === undefined ? null : `${Math.round(ms)} ms`);
     const held = clutch && ["left", "right"].filter((side) => clutch[side]);
     const facts = {
       Episode: count,
+      Leads: policy ? (policy.leads ? policy.name : "you") : undefined,
       Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
       World: RUNNING.includes(state) ? WORLD[pace] : undefined,
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
       Discarded: discarded || null,
       "Hand to picture": said(seen),
       "Of it on the server": seen === null ? null : said(served),
-      "Samples lost": lost,
+      "Moments of your hands too late to count": lost,
       Clutch: held && (held.length ? `${held.join(" and ")} closed` : "open"),
     };
     const rows = Object.entries(facts)
@@ -162,7 +176,8 @@ export class Status {
     this.#part(".timeline").hidden = !steps;
     if (!steps) return;
     const last = rest.max_stage ?? rest.stages?.length ?? 0;
-    this.#timeline.content = { steps: steps + 1, rate, changes, last };
+    const spans = rest.corrections ?? [];
+    this.#timeline.content = { steps: steps + 1, rate, changes, last, spans };
     this.#timeline.isPlaying = state === "playing";
     if (step !== undefined) this.#timeline.step = step;
   }
@@ -170,7 +185,10 @@ export class Status {
   #showDriving() {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
-    const driving = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const { state, wording = "", operator, operators = [], discarded = 0 } = this.#last;
+    const as = drivers && operator ? ` as ${operator}` : "";
+    const who = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const driving = who + as;
     const words = [
       this.#isDrivable && driving,
       watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
@@ -181,19 +199,32 @@ export class Status {
     const isTaken = !this.#isDriver && this.#role?.drivers > 0;
     drive.hidden = this.#isDriver;
     drive.textContent = isTaken ? "Take over" : "Drive";
-    const { state, instruction, discarded = 0 } = this.#last;
     this.#part("#restore").hidden = !this.#isDriver || !discarded;
     const keep = this.#part("#keep");
     keep.hidden = !this.#isDriver || !this.#last.may_keep;
     keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
     const alone = this.#part("#alone");
     alone.hidden = !this.#isDriver || !this.#last.pace || !RUNNING.includes(state);
-    alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
+    const { policy } = this.#last;
+    alone.textContent = policy ? "Pause the policy" : "Run alone";
+    const isOn = policy ? policy.is_paused : this.#last.alone;
+    alone.setAttribute("aria-pressed", String(Boolean(isOn)));
+    this.#part("#why").hidden = alone.hidden || !policy?.is_explainable;
     this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
-    const wording = this.#part("#wording");
-    wording.hidden = !this.#isDriver;
-    const input = wording.querySelector("input");
-    if (document.activeElement !== input) input.value = instruction ?? "";
+    this.#part("#wording").hidden = !this.#isDriver;
+    this.#fill("#wording input", wording);
+    this.#part("#who").hidden = operator === undefined;
+    this.#fill("#who input", (this.#isDriver ? operator : this.#name) ?? operator ?? "");
+    const known = operators.map((name) => make("option", { value: name }));
+    if (this.#part("#operators").childElementCount !== known.length) {
+      this.#part("#operators").replaceChildren(...known);
+    }
+  }
+
+  /** Show what is set, unless somebody is typing. */
+  #fill(selector, text) {
+    const input = this.#part(selector);
+    if (document.activeElement !== input) input.value = text;
   }
 
   #part(selector) {
