@@ -1,6 +1,6 @@
 """Attempts at episodes of a data set, also at those that it does not hold."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from duobench.core.errors import DataError
@@ -9,6 +9,7 @@ from duobench.core.randomness import episode_seed
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.reviews import DISCARDED, Reviews
+from duobench.data.schema import Actor
 from duobench.data.stream import INTERRUPTED
 
 ATTEMPTS, TAKES = "attempts.json", "takes"
@@ -39,6 +40,15 @@ class Attempt:
     kept: bool
     error: str | None
     """The last line of the error that it failed with, or why it is not kept."""
+    layout: int | None = field(default=None, compare=False)
+    """Index of its layout in its split; None where that is the index of the episode."""
+    actor: Actor | None = field(default=None, compare=False)
+    """Who led it, if a person or a program in the place of one did."""
+
+    @property
+    def of_layout(self) -> int:
+        """Index of its layout in its split."""
+        return self.episode if self.layout is None else self.layout
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -102,8 +102,10 @@ class TaskSummary:
         if not self.attempts:
             return ""
         begun = sum(each.error != SKIPPED for each in self.attempts)
-        lost = [str(each.episode) for each in self.attempts if not each.kept]
-        words = f"{begun} begun, {len(self.attempts) - len(lost)} of them kept"
+        kept = [each.of_layout for each in self.attempts if each.kept]
+        tried = {each.of_layout for each in self.attempts}
+        lost = [str(layout) for layout in sorted(tried.difference(kept))]
+        words = f"{begun} begun, {len(kept)} of them kept"
         named = ", ".join(lost[:MOST_NAMED] + ["…"] * (len(lost) > MOST_NAMED))
         return f"{words}; given up: layouts {named}" if lost else words
 

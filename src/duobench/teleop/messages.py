@@ -10,7 +10,7 @@ import msgspec
 
 from duobench.core.errors import escaped
 from duobench.core.spatial import SE3, length
-from duobench.web.messages import PageMessage
+from duobench.web.messages import PageMessage, SelectItem
 
 FARTHEST = 100.0
 """Largest coordinate of a hand in metres; only differences of poses matter."""
@@ -18,6 +18,8 @@ NORM_TOLERANCE = 1e-3
 """Tolerance of the length of a quaternion."""
 LONGEST_INSTRUCTION = 300
 """Characters of an instruction that an operator types."""
+LONGEST_NAME = 60
+"""Characters of an operator's pseudonym."""
 LONGEST_QUEUE = 1024
 """Messages that may wait; beyond, the oldest are forgotten."""
 
@@ -116,7 +118,28 @@ class Instruction(PageMessage, frozen=True):
             raise ValueError("an instruction is one line that can be printed")
 
 
-Message = Hands | Keep | Discard | Restore | Recentre | Alone | Instruction
+class Operator(PageMessage, frozen=True):
+    """Pseudonym of the operator who leads from now on; empty for none."""
+
+    name: Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        if self.name != escaped(self.name) or len(self.name.splitlines()) > 1:
+            raise ValueError("a pseudonym is one line that can be printed")
+
+
+Message = (
+    Hands
+    | Keep
+    | Discard
+    | Restore
+    | Recentre
+    | Alone
+    | Instruction
+    | Operator
+    | SelectItem
+)
 """Everything that an operator may send."""
 
 

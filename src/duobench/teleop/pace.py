@@ -77,10 +77,10 @@ class Pace:
         self._openings = Movement(np.full(4, OPENING_MOVED))
         self._after_led = self._quiet = 0
 
-    def runs(self, intent: Intent, state: DuoState) -> bool:
+    def runs(self, intent: Intent, state: DuoState, *, ends: bool = False) -> bool:
         """Whether the world runs in this turn, in which the operator wants something.
 
-        Fingers that move are led, whatever the clutches do.
+        Fingers that move are led, whatever the clutches do. What `ends` by itself needs no leading.
         """
         asked = intent.action[list(OPENING_SLOTS)]
         grips = self._openings.sees(np.concatenate([asked, state.openings]))
@@ -89,7 +89,7 @@ class Pace:
             self._after_led = self._quiet = 0
         elif self.is_alone:
             self.phase = Phase.ALONE
-        elif self._is_over:
+        elif self._is_over and not ends:
             self.phase = Phase.STANDING
         else:
             self.phase = Phase.RESTING

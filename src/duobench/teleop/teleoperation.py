@@ -4,6 +4,8 @@ The environment judges, and says when the task is solved.
 """
 
 import math
+from collections.abc import Callable, Collection
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self, cast
@@ -34,10 +36,13 @@ from duobench.teleop.messages import (
     Instruction,
     Keep,
     Message,
+    Operator,
     Restore,
 )
 from duobench.teleop.pace import Pace
+from duobench.teleop.plan import TaskProgress
 from duobench.teleop.session_episodes import SessionEpisodes
+from duobench.web.messages import SelectItem
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
 
@@ -54,6 +59,8 @@ from where its hand wants it, and when a hand lets go, or is lost."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
 ASKED_LATER = "Episode {} is asked about once this one is over, and kept or discarded."
 LATER = "The new instruction is that of the next episode."
+NEXT_TASK = "The task that was chosen comes next."
+KEPT = "Kept. The next layout is prepared."
 DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
 AWAY = "No operator drives: the recording waits until one does."
@@ -75,6 +82,8 @@ class TeleopState(StrEnum):
     """The operator is away: nothing moves and nothing is recorded until one is back."""
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
+    PREPARING = "preparing"
+    """The next layout is prepared."""
     OVER = "over"
     """The wanted number of episodes is kept."""
 
@@ -92,7 +101,10 @@ class Teleoperation:
     Args:
         env: What records, with review and clutch; see `make_recorder`.
         device: What the operator leads with.
-        episodes: How many are wanted, those of earlier sessions in the same data set counted.
+        episodes: How many layouts are wanted, those of earlier sessions in the same data set
+            counted.
+        times: How many episodes of each are wanted.
+        tasks: Ids of tasks of which the operator may choose the next one, see `chosen`.
         instruction: What the operator says that the arms will do; empty for the task's own.
         lockstep: Whether each message of hands is one turn, and nothing moves between.
 
@@ -109,6 +121,8 @@ class Teleoperation:
         device: TeleopDevice,
         *,
         episodes: int = 10,
+        times: int = 1,
+        tasks: Collection[str] = (),
         instruction: str = "",
         lockstep: bool = False,
     ) -> None:
@@ -128,19 +142,27 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
+        self.chosen = ""
+        """Id of the task that the operator wants to lead next, where the session ends for it."""
+        self.before_reset: Callable[[], object] = lambda: None
+        """Called before the next layout is prepared, which takes a while."""
         self.pace = Pace()
         """Decides in each turn of an episode whether the world runs."""
-        self._wanted, self._instruction = episodes, instruction
+        self._tasks, self._instruction = tasks, instruction
         self._inbox, self._presses = Inbox(), ButtonPresses()
         data = env.data
-        self.kept = 0 if data is None else data.kept(env.task)
-        """Number of kept episodes, with those of earlier sessions."""
         self._episodes = None if data is None else SessionEpisodes(env, data)
-        self._number = 0 if self._episodes is None else self._episodes.next_number
         self._is_settled = (
             False  # whether the episode that is over was kept or discarded
         )
+        self._progress = TaskProgress(data, env.task, episodes, times)
+        self.number = 0 if self._episodes is None else self._episodes.next_number
+        """Number of the episode, which is the name of its file."""
+        layout = self._progress.next_layout()
+        self._layout = layout or 0
         self._reset()
+        if layout is None:
+            self._end_session()
 
     # --- from any thread ---------------------------------------------------------------------
 
@@ -189,8 +211,8 @@ class Teleoperation:
             return False
         backend = self.env.base.backend
         intent = self.device.intend(now_s, self._seen, backend.last_command)
-        runs = self.pace.runs(intent, self._seen) or self._state is TeleopState.SUCCESS
-        if not runs and self._stand():
+        ends = self._state is TeleopState.SUCCESS
+        if not self.pace.runs(intent, self._seen, ends=ends) and self._stand():
             return False
         self._step(intent)
         return True
@@ -229,6 +251,11 @@ class Teleoperation:
         return TeleopState.PAUSED if self._is_paused else self._state
 
     @property
+    def kept(self) -> int:
+        """Number of kept episodes that are wanted, with those of earlier sessions."""
+        return self._progress.kept
+
+    @property
     def _question(self) -> str:
         """The question about a restored episode; empty while another one runs or is decided."""
         episodes = self._episodes
@@ -244,6 +271,9 @@ class Teleoperation:
             "title": task.title,
             "task": task.id,
             "instruction": info["instruction"],
+            "wording": self._instruction,
+            "operator": self.env.actor.name,
+            "operators": sorted(filter(None, self._progress.operators)),
             "next": info["current_subinstruction"],
             "stage": info["stage"],
             "max_stage": info["max_stage"],
@@ -257,10 +287,10 @@ class Teleoperation:
             "state": str(self.state),
             "may_keep": self.state in self.keeps,
             "success": bool(info["success"]),
-            "count": self._number,
+            "count": self.number,
             "kept": self.kept,
             "discarded": 0 if self._episodes is None else len(self._episodes.discarded),
-            "wanted": self._wanted,
+            "wanted": self._progress.wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
             "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
@@ -311,8 +341,8 @@ class Teleoperation:
                     self.pace.is_alone = (
                         self._state in _RUNNING and not self.pace.is_alone
                     )
-                case Instruction(text=text):
-                    self._instruct(text.strip())
+                case Instruction() | Operator() | SelectItem():
+                    self._arrange(message)
         return False
 
     def _press(self, hands: Hands) -> None:
@@ -338,6 +368,7 @@ class Teleoperation:
     def _step(self, intent: Intent) -> None:
         before = self._judge.get_state()
         self.env.clutch = intent.clutch
+        self.env.device = self.device.led_by or None
         self._limited = intent.limited
         try:
             _, _, terminated, truncated, info = self.env.step(intent.action)
@@ -349,7 +380,6 @@ class Teleoperation:
             self._stage_changes.append([self._steps, int(info["stage"])])
         self._info, self._seen = info, self.env.base.backend.read()
         self.pace.note_step(is_at_rest=self._is_at_rest(before))
-        self.env.device = self.device.led_by or None
         self.haptics.update(intent)
         if terminated or truncated:
             self._end(self._why_over(info))
@@ -390,8 +420,8 @@ class Teleoperation:
         """Keep the episode, which ends here if it has not."""
         self.env.finish()
         self.env.keep()
-        self.kept += 1
         self._note_attempt(None)
+        self.note = KEPT
 
     def _discard(self) -> None:
         if self._state is TeleopState.OVER:
@@ -406,6 +436,7 @@ class Teleoperation:
         else:
             self.env.discard()
         self._note_attempt(DISCARDED if has_begun else SKIPPED)
+        self.note = DISCARDED if has_begun else SKIPPED
         self._next()
 
     def _restore(self) -> None:
@@ -425,7 +456,7 @@ class Teleoperation:
             return
         try:
             name = self._episodes.keep_asked()
-            self.kept += 1
+            self._progress.refresh()
             said = f"Episode {name} is restored, and kept."
         except DuoBenchError as error:
             said = str(error)
@@ -438,25 +469,39 @@ class Teleoperation:
             return
         if self._is_settled:
             self._next()
-        elif self.kept >= self._wanted:
+        elif not self._progress.wants(self._layout):
             self.env.discard()
-            self._end_session()
+            self._prepare()
 
     def _note_attempt(self, reason: str | None) -> None:
         """Note how the episode goes: why it is not kept, or None where it is."""
-        if self._episodes is None:
-            return
+        if self._episodes is not None:
+            self._episodes.note(self._attempt(reason))
+        self._progress.note(self._layout, kept=reason is None)
+
+    def _attempt(self, reason: str | None) -> Attempt:
         success = bool(self._info["success"])
-        attempt = Attempt(
+        actor = self.env.actor
+        return Attempt(
             task=self.env.task,
-            episode=self._number,
+            episode=self.number,
             success=success,
             stage=int(self._info["stage"]),
             steps=self._stage_changes[-1][0] if success else self._steps,
             kept=reason is None,
             error=reason,
+            layout=self._layout,
+            actor=replace(actor, device=self.env.device or actor.device),
         )
-        self._episodes.note(attempt)
+
+    def _arrange(self, message: Instruction | Operator | SelectItem) -> None:
+        match message:
+            case Instruction(text=text):
+                self._instruct(text.strip())
+            case Operator(name=name):
+                self._change_operator(name.strip())
+            case SelectItem(id=task):
+                self._choose(task)
 
     def _instruct(self, text: str) -> None:
         self._instruction = text
@@ -466,6 +511,25 @@ class Teleoperation:
         else:
             self.note = LATER
 
+    def _change_operator(self, name: str) -> None:
+        """Record a pseudonym from the next control step on."""
+        if name == self.env.actor.name:
+            return
+        self.env.actor = replace(self.env.actor, name=name)
+        if self._state in (TeleopState.WAITING, *_RUNNING):
+            self.env.leader = self.env.actor
+
+    def _choose(self, task: str) -> None:
+        """Let the session end for another task, at once or after the episode that runs."""
+        if task not in self._tasks:
+            return
+        self.chosen = "" if task == self.env.task else task
+        if self.chosen and self._state is TeleopState.WAITING:
+            self.env.discard()
+            self._end_session()
+        elif self.chosen:
+            self.note = NEXT_TASK
+
     def _next(self) -> None:
         """Begin the next episode, or end; restored ones are asked about before."""
         self._is_settled = True
@@ -473,23 +537,31 @@ class Teleoperation:
             self._state = TeleopState.DECIDE
             return
         self._is_settled = False
-        self._number += 1
-        if self.kept >= self._wanted:
+        self.number += 1
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Prepare the next layout, unless there is none or another task was chosen."""
+        layout = self._progress.next_layout()
+        if layout is None or self.chosen:
             self._end_session()
-        else:
-            self._reset()
+            return
+        self._layout, self._state = layout, TeleopState.PREPARING
+        self.before_reset()
+        self._reset()
 
     def _end_session(self) -> None:
-        self._state, self.note = TeleopState.OVER, "All episodes are recorded."
+        self._state = TeleopState.OVER
+        self.note = NEXT_TASK if self.chosen else "All episodes are recorded."
 
     def _reset(self) -> None:
         env, task = self.env, self.env.task
-        seed = episode_seed(task, self._number, TRAIN)
+        seed = episode_seed(task, self._layout, TRAIN)
         self._state, self._is_kept = (
             TeleopState.WAITING,
             False,
         )  # also if arms do not get home
-        env.next_name = f"{self._number:05d}"
+        env.next_name = f"{self.number:05d}"
         self._info: Info = env.reset(seed=seed, options=self._reset_options(seed))[1]
         self._seen: DuoState = env.base.backend.read()
         self._steps = 0

@@ -21,6 +21,7 @@ from duobench.core.lerobot_keys import (
     DOMAINS,
     IMAGE_PREFIX,
     OBJECT_STATE,
+    RECORDING,
     RECORDING_ROW,
     STATE,
 )
@@ -78,6 +79,11 @@ class SourceEpisode:
     """Split that its layout was sampled for; None if that was given."""
     look: str | None = None
     """Its look, where each rendered episode has its own; else that of the options."""
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """Columns of the table of episodes that say which recording it is."""
+        return {RECORDING: self.file, f"{RECORDING}_sha256": self.sha256}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

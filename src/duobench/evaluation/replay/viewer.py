@@ -18,7 +18,7 @@ from duobench.core.types import CONTROL_HZ
 from duobench.data.reviews import MAX_TEXT
 from duobench.evaluation.replay.sources import DataSource, ViewSource
 from duobench.evaluation.replay.trajectory import Trajectory
-from duobench.web.messages import PageMessage, pack_frame
+from duobench.web.messages import PageMessage, SelectItem, pack_frame
 from duobench.web.server import PageServer
 
 MAX_TRAJECTORIES = 64
@@ -36,12 +36,6 @@ _IDLE_S = 0.1
 
 
 _Step = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
-
-
-class SelectItem(PageMessage, frozen=True, tag="select"):
-    """Show an item, from its beginning."""
-
-    id: Annotated[str, msgspec.Meta(max_length=300)]
 
 
 class SeekStep(PageMessage, frozen=True, tag="seek"):

@@ -63,10 +63,10 @@ export class Insets {
     this.#place.hidden = false;
   }
 
-  /** Say which arm is led: its camera is the bright one. */
-  set active(side) {
+  /** Say which arms are led: their cameras are the bright ones. */
+  set active(sides) {
     for (const { camera, figure } of this.#tiles) {
-      const isOther = camera.body && side && !camera.name.startsWith(side);
+      const isOther = camera.body && sides.length && !sides.some((side) => camera.name.startsWith(side));
       figure.dataset.state = isOther ? "other" : "live";
     }
   }

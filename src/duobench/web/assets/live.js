@@ -132,7 +132,7 @@ class Live {
       bar: document.querySelector(".views"),
       page: document.querySelector("main"),
       orbit: this.#view.orbit,
-      active: () => hands.active,
+      active: () => hands.lead,
       tool: (side) => this.#marks.tool(side),
     });
     this.#views.cameras = this.#view.scene.header?.cameras ?? [];
@@ -142,7 +142,7 @@ class Live {
 
   #drawMarks() {
     const canvas = document.querySelector("canvas");
-    this.#marks.active = this.#insets.active = this.#hands?.isDriving ? this.#hands.active : null;
+    this.#marks.active = this.#insets.active = this.#hands?.isDriving ? this.#hands.sides : [];
     this.#marks.draw(this.#view.orbit, canvas.clientWidth, canvas.clientHeight);
   }
 

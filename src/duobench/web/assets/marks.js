@@ -40,7 +40,7 @@ function linesOf({ tool, start, length }) {
 /** Marks of both tools over an element that shows what an orbit's camera sees. */
 export class Marks {
   /** The arm that is led; its marks are the stronger ones. */
-  active = null;
+  active = [];
   /** Arms that are kept from where their hand wants them, `{left, right}`. */
   limited = {};
   #tools = {};
@@ -76,7 +76,7 @@ export class Marks {
       const at = tool && seen(view, projection, width, height, tool.tool);
       group.style.display = at ? "" : "none";
       if (!at) continue;
-      group.dataset.state = side === this.active ? "active" : "other";
+      group.dataset.state = this.active.includes(side) ? "active" : "other";
       group.dataset.limited = this.limited[side] ? "yes" : "";
       const lines = linesOf(tool);
       for (const [what, path] of Object.entries(shapes)) {
@@ -96,7 +96,7 @@ export class Marks {
       const tool = this.#tools[side];
       if (!tool) continue;
       const { tool: top, line, ground } = linesOf(tool);
-      pen.globalAlpha = side === this.active ? 1 : 0.6;
+      pen.globalAlpha = this.active.includes(side) ? 1 : 0.6;
       for (const points of [ground, line, top]) {
         const places = points.map((point) => seen(view, projection, width, height, point));
         if (!places.length || places.includes(null)) continue;

@@ -7,6 +7,7 @@ const STATES = {
   recording: "Recording",
   success: "Success",
   decide: "Keep or discard?",
+  preparing: "The next layout is prepared",
   over: "Over",
   playing: "Playing",
   paused: "Paused",
@@ -33,6 +34,7 @@ export class Status {
   #isDrivable = false;
   #isDriver = false;
   #role = null;
+  #name = null; // pseudonym under which this page drives, or is to
 
   constructor(page, tell) {
     this.#page = page;
@@ -52,6 +54,11 @@ export class Status {
       event.preventDefault();
       tell({ kind: "instruction", text: this.#part("#wording input").value.trim() });
     });
+    this.#part("#who").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#name = this.#part("#who input").value.trim();
+      if (this.#isDriver) tell({ kind: "operator", name: this.#name });
+    });
   }
 
   connected(isConnected) {
@@ -62,6 +69,7 @@ export class Status {
 
   show(status) {
     this.#last = status;
+    if (this.#isDriver) this.#name = status.operator ?? null;
     const { title, task, instruction, next, state, note, success, pace } = status;
     const stands = state === "recording" && pace === "standing";
     const name = title ?? task;
@@ -79,8 +87,13 @@ export class Status {
   }
 
   showRole(role) {
+    const wasDriver = this.#isDriver;
     this.#role = role;
     this.#isDriver = role.role === "driver";
+    if (this.#isDriver && !wasDriver && this.#name !== null) {
+      this.#tell({ kind: "operator", name: this.#name });
+    }
+    if (this.#isDriver) this.#name ??= this.#last.operator ?? null;
     this.#showDriving();
   }
 
@@ -129,7 +142,7 @@ export class Status {
       Discarded: discarded || null,
       "Hand to picture": said(seen),
       "Of it on the server": seen === null ? null : said(served),
-      "Samples lost": lost,
+      "Moments of your hands too late to count": lost,
       Clutch: held && (held.length ? `${held.join(" and ")} closed` : "open"),
     };
     const rows = Object.entries(facts)
@@ -170,7 +183,10 @@ export class Status {
   #showDriving() {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
-    const driving = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const { state, wording = "", operator, operators = [], discarded = 0 } = this.#last;
+    const as = drivers && operator ? ` as ${operator}` : "";
+    const who = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const driving = who + as;
     const words = [
       this.#isDrivable && driving,
       watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
@@ -181,19 +197,28 @@ export class Status {
     const isTaken = !this.#isDriver && this.#role?.drivers > 0;
     drive.hidden = this.#isDriver;
     drive.textContent = isTaken ? "Take over" : "Drive";
-    const { state, instruction, discarded = 0 } = this.#last;
     this.#part("#restore").hidden = !this.#isDriver || !discarded;
     const keep = this.#part("#keep");
     keep.hidden = !this.#isDriver || !this.#last.may_keep;
     keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
     const alone = this.#part("#alone");
-    alone.hidden = !this.#isDriver || !RUNNING.includes(state);
+    alone.hidden = !this.#isDriver || !this.#last.pace || !RUNNING.includes(state);
     alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
     this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
-    const wording = this.#part("#wording");
-    wording.hidden = !this.#isDriver;
-    const input = wording.querySelector("input");
-    if (document.activeElement !== input) input.value = instruction ?? "";
+    this.#part("#wording").hidden = !this.#isDriver;
+    this.#fill("#wording input", wording);
+    this.#part("#who").hidden = operator === undefined;
+    this.#fill("#who input", (this.#isDriver ? operator : this.#name) ?? operator ?? "");
+    const known = operators.map((name) => make("option", { value: name }));
+    if (this.#part("#operators").childElementCount !== known.length) {
+      this.#part("#operators").replaceChildren(...known);
+    }
+  }
+
+  /** Show what is set, unless somebody is typing. */
+  #fill(selector, text) {
+    const input = this.#part(selector);
+    if (document.activeElement !== input) input.value = text;
   }
 
   #part(selector) {
