@@ -159,8 +159,8 @@ def test_an_operator_is_told_and_may_keep_them(
         capsys.readouterr().out.split()
     )
     before = files(tmp_path / "out")
+    options = ExportOptions(cameras=(), keep_idle=True, keep_failures=True)
     with pytest.raises(OtherRunError, match="keep_idle True instead of False"):
-        options = ExportOptions(cameras=(), keep_idle=True, keep_failures=True)
         export_lerobot(session, tmp_path / "out", options, workers=0)
     ExportFolder(tmp_path / "out").data(0).unlink()
     main([*words, str(tmp_path / "out")])

@@ -131,9 +131,11 @@ class DataSource:
         return {}
 
     def review(self, item: str, **said: Any) -> None:
-        """Write down what somebody says about a take; see `Reviews.add`."""
-        self._reviews.add(self._recorded[item].path, **said)
-        self._list()
+        """Write down what somebody says about a take, unless that is so; see `Reviews.add`."""
+        path = self._recorded[item].path
+        if not self._reviews.of(path).says(**said):
+            self._reviews.add(path, **said)
+            self._list()
 
     def _files(self) -> list[Path]:
         return self._data.episodes_of(self._tasks)

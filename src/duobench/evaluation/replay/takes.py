@@ -54,14 +54,18 @@ class Recorded:
 
     path: Path
     info: EpisodeInfo
+    length: int
+    """Number of its actions."""
     led_s: float
 
     @staticmethod
     def read(path: Path) -> "Recorded":
         """Read a file; a `DataError` if it cannot be read."""
-        info = Recording.read_info(path)
         return Recorded(
-            path=path, info=info, led_s=Recording.read_led(path) / CONTROL_HZ
+            path=path,
+            info=Recording.read_info(path),
+            length=Recording.read_length(path),
+            led_s=Recording.read_led(path) / CONTROL_HZ,
         )
 
     def take(self, reviews: Reviews) -> Take:
@@ -90,7 +94,7 @@ class Recorded:
             and (outcome.success or not info.is_led),
             reason="" if outcome is None else outcome.reason or "",
             note=judgement.note,
-            rows=judgement.rows,
+            rows=None if judgement.rows == (0, self.length) else judgement.rows,
             by=judgement.by,
             at=judgement.at,
         )
