@@ -509,7 +509,7 @@ class Teleoperation:
             return
         if self._is_settled:
             self._next()
-        elif not self._progress.wants(self._layout):
+        elif self.chosen or not self._progress.wants(self._layout):
             self.env.discard()
             self._prepare()
 
@@ -564,7 +564,7 @@ class Teleoperation:
         if task not in self._tasks:
             return
         self.chosen = "" if task == self.env.task else task
-        if self.chosen and self._state is TeleopState.WAITING:
+        if self.chosen and self._state is TeleopState.WAITING and not self._question:
             self.env.discard()
             self._end_session()
         elif self.chosen:
