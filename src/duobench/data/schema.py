@@ -293,6 +293,11 @@ class EpisodeInfo:
         return self.leaders or (self.actor,)
 
     @property
+    def who(self) -> str:
+        """Names of all who led."""
+        return ", ".join(each.name or str(each.kind) for each in self.actors)
+
+    @property
     def is_led(self) -> bool:
         """Whether a person led in it, or a program in the place of one."""
         people = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)

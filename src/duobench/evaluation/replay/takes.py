@@ -77,8 +77,8 @@ class Recorded:
             end = TRIMMED
         return Take(
             task=info.task,
-            operator=info.actor.name or str(info.actor.kind),
-            device=info.actor.device or "",
+            operator=info.who,
+            device=next((each.device for each in info.actors if each.device), ""),
             led_s=round(self.led_s, 1),
             stage=0 if outcome is None else outcome.stage,
             max_stage=0 if outcome is None else outcome.max_stage,
