@@ -298,6 +298,11 @@ class EpisodeInfo:
         return ", ".join(each.name or str(each.kind) for each in self.actors)
 
     @property
+    def operator(self) -> str:
+        """Name of the first one who led and is no policy; empty without."""
+        return next((each.name for each in self.actors if not each.kind.is_policy), "")
+
+    @property
     def is_led(self) -> bool:
         """Whether a person led in it, or a program in the place of one."""
         people = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)
