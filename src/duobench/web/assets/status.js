@@ -153,7 +153,7 @@ export class Status {
       Episode: count,
       Leads: policy ? (policy.leads ? policy.name : "you") : undefined,
       Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
-      World: RUNNING.includes(state) ? WORLD[pace] : undefined,
+      World: !RUNNING.includes(state) || policy?.leads ? undefined : WORLD[pace],
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
       Discarded: discarded || null,
       "Hand to picture": said(seen),
