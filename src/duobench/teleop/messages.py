@@ -97,6 +97,14 @@ class Restore(PageMessage, frozen=True):
     """Keep the episode that was discarded last after all."""
 
 
+class Hold(PageMessage, frozen=True):
+    """Both hands let go and both arms stand still; any visitor of the page may say so."""
+
+
+class GoOn(PageMessage, frozen=True):
+    """The operator goes on after a hold in the simulation; arms of a rig go home instead."""
+
+
 class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
@@ -112,8 +120,12 @@ class Instruction(PageMessage, frozen=True):
             raise ValueError("an instruction is one line that can be printed")
 
 
-Message = Hands | Keep | Discard | Restore | Recentre | Instruction
+Message = (
+    Hands | Keep | Discard | Restore | Hold | GoOn | Recentre | Instruction
+)
 """Everything that an operator may send."""
+ANYONE = (Hold,)
+"""Messages that visitors who watch may send too."""
 
 
 class Inbox:
