@@ -9,7 +9,14 @@ from duobench.core.spatial import SE3, product
 from duobench.core.types import SIDES, DuoCommand, DuoState, Side
 from duobench.envs.action_modes import CARTESIAN
 from duobench.teleop.intent import Intent
-from duobench.teleop.messages import Hand, Hands, Message, PageDevice, Recentre
+from duobench.teleop.messages import (
+    Hand,
+    Hands,
+    Hold,
+    Message,
+    PageDevice,
+    Recentre,
+)
 from duobench.teleop.shaping import Shaper
 from duobench.world.kinematics.inverse import Kinematics
 
@@ -228,8 +235,8 @@ class HandDevice:
         self.led_by, self.executed_ms = "", math.nan
 
     def take(self, message: Message, arrival_s: float) -> None:
-        """Take over a fresh sample; `recentre` lets both hands go."""
-        if isinstance(message, Recentre):
+        """Take over a fresh sample; `recentre` and a hold let both hands go."""
+        if isinstance(message, Recentre | Hold):
             self._let_go()
         elif isinstance(message, Hands) and (
             self._lockstep or self._freshness.accepts(message.sent, arrival_s)
@@ -262,6 +269,12 @@ class HandDevice:
     def is_away(self, now_s: float) -> bool:
         """Whether the operator has gone, or nothing fresh was heard of one for `AWAY_S`."""
         return self.is_lost(now_s, AWAY_S)
+
+    def is_squeezed_anew(self, now_s: float) -> bool:
+        """Whether a hand that was open since both let go is squeezed."""
+        hands = self._now(now_s)
+        left, right = (self._arms[side].clutch.wants(hands[side]) for side in SIDES)
+        return left or right
 
     def prompt(self, now_s: float) -> str | None:
         """Return what to do before the episode begins: open both hands, then squeeze one."""

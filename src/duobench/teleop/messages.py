@@ -4,6 +4,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Annotated, Literal
 
 import msgspec
@@ -120,9 +121,7 @@ class Instruction(PageMessage, frozen=True):
             raise ValueError("an instruction is one line that can be printed")
 
 
-Message = (
-    Hands | Keep | Discard | Restore | Hold | GoOn | Recentre | Instruction
-)
+Message = Hands | Keep | Discard | Restore | Hold | GoOn | Recentre | Instruction
 """Everything that an operator may send."""
 ANYONE = (Hold,)
 """Messages that visitors who watch may send too."""
@@ -148,10 +147,11 @@ class Inbox:
 
     def forget(self, *kinds: type) -> None:
         """Remove waiting messages of some kinds; they are ignored."""
-        for _ in range(len(self._waiting)):
-            message, now_s = self._waiting.popleft()
-            if not isinstance(message, kinds):
-                self._waiting.append((message, now_s))
+        with suppress(IndexError):  # another thread takes messages out too
+            for _ in range(len(self._waiting)):
+                message, now_s = self._waiting.popleft()
+                if not isinstance(message, kinds):
+                    self._waiting.append((message, now_s))
 
     def __iter__(self) -> Iterator[tuple[Message | None, float]]:
         """Take messages out, the oldest first; those that are not asked for wait on."""

@@ -55,13 +55,17 @@ class Panel:
     todo: str = ""
     """Sentences that say what is to be done now."""
     buttons: tuple[Button, ...] = ()
+    holding: str = ""
+    """Sentence beside the hold; empty for that of real arms."""
     can_hold: bool = False
     """Whether arms move, or may be moved at once: Space holds them then."""
 
     @property
     def pressable(self) -> dict[str, Button]:
         """Buttons that can be pressed at a terminal, by their keys."""
-        return {each.key: each for each in self.buttons if each.key and not each.why_not}
+        return {
+            each.key: each for each in self.buttons if each.key and not each.why_not
+        }
 
     @property
     def text(self) -> str:
@@ -79,5 +83,6 @@ class Panel:
             "title": self.title,
             "todo": self.todo,
             "buttons": [each.to_json() for each in self.buttons],
+            "holding": self.holding,
             "can_hold": self.can_hold,
         }

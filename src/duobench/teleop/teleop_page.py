@@ -14,7 +14,7 @@ import numpy as np
 
 from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.envs.sim_env import SimEnv
-from duobench.teleop.messages import Message
+from duobench.teleop.messages import ANYONE, Message
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
@@ -112,6 +112,9 @@ class TeleopPage:
         server: The page, which takes its messages here from now on.
     """
 
+    kinds: Any = Message
+    """Classes of the messages that the page takes."""
+
     def __init__(self, session: Teleoperation, server: PageServer) -> None:
         self._session, self._server = session, server
         self._env = cast("SimEnv", session.env.base)
@@ -120,7 +123,7 @@ class TeleopPage:
         self._episode: Any = None
         self._told: dict[str, Any] = {}
         self._turn = 0
-        server.listen(Message, self._take, self._leave, WATCHING)
+        server.listen(self.kinds, self._take, self._leave, WATCHING, ANYONE)
         self.show()
 
     def run(self) -> Timings:

@@ -24,13 +24,16 @@ from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
 from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import (
     Discard,
+    GoOn,
     Hands,
+    Hold,
     Inbox,
     Instruction,
     Keep,
     Message,
     Restore,
 )
+from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
 from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
@@ -46,11 +49,26 @@ LATER = "The new instruction is that of the next episode."
 DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
 AWAY = "No operator drives: the recording waits until one does."
+HOLDING = "Space bar and this button: both hands let go, and everything stands still."
+HELD = "Held: nothing moves. Let go and squeeze again, or press Go on."
+TITLES = {
+    "preparing": "Getting ready",
+    "waiting": "Waiting for the first move",
+    "recording": "Recording",
+    "success": "Success",
+    "paused": "Paused",
+    "held": "Held",
+    "decide": "Keep or discard?",
+    "over": "Over",
+}
+"""States in words."""
 
 
 class TeleopState(StrEnum):
     """State of an episode."""
 
+    PREPARING = "preparing"
+    """The arms of a rig are made ready, step by step; nothing is recorded."""
     WAITING = "waiting"
     """Everything is in its place; nothing moves and nothing is recorded before the operator
     begins."""
@@ -60,6 +78,8 @@ class TeleopState(StrEnum):
     """The task is solved; the recording goes on for a moment."""
     PAUSED = "paused"
     """The operator is away: nothing moves and nothing is recorded until one is back."""
+    HELD = "held"
+    """A visitor said hold: nothing moves and nothing is recorded until the operator goes on."""
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
     OVER = "over"
@@ -68,6 +88,10 @@ class TeleopState(StrEnum):
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
 """States in which control steps are made and recorded."""
+_LED = (*_RUNNING, TeleopState.PAUSED, TeleopState.HELD)
+"""States of an episode that a person leads."""
+_DISCARDED = (*_LED, TeleopState.DECIDE)
+"""States in which an episode may be discarded."""
 
 
 class Teleoperation:
@@ -117,6 +141,7 @@ class Teleoperation:
         self.haptics = Haptics(env)
         self._wanted, self._instruction = episodes, instruction
         self._inbox, self._presses = Inbox(), ButtonPresses()
+        self._is_held = False
         data = env.data
         self.kept = 0 if data is None else data.kept(env.task)
         """Number of kept episodes, with those of earlier sessions."""
@@ -155,8 +180,10 @@ class Teleoperation:
             OutputError: An episode cannot be written.
         """
         has_hands = self._handle()
+        if self._is_held and self.device.is_squeezed_anew(now_s):
+            self._is_held = False
         self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
-        if self._is_paused or (self.lockstep and not has_hands):
+        if self._is_paused or self._is_held or (self.lockstep and not has_hands):
             return False
         if self._state is TeleopState.WAITING:
             prompt = self.device.prompt(now_s)
@@ -186,7 +213,7 @@ class Teleoperation:
             forget: Whether what was discarded is removed; after an error, the next session can
                 restore it.
         """
-        if self._state is TeleopState.WAITING:
+        if self._state in {TeleopState.PREPARING, TeleopState.WAITING}:
             self.env.discard()
         elif self._is_solved:
             self._accept()
@@ -199,7 +226,57 @@ class Teleoperation:
     @property
     def state(self) -> TeleopState:
         """State of the episode."""
+        if self._is_held:
+            return TeleopState.HELD
         return TeleopState.PAUSED if self._is_paused else self._state
+
+    @property
+    def panel(self) -> Panel:
+        """Steps of the session, and what may be pressed now."""
+        state = self.state
+        return Panel(
+            steps=(LEAD, SOLVED),
+            now=self._step_of(state, 0),
+            title=TITLES[state],
+            todo=self._said,
+            buttons=self._buttons(state),
+            holding=HOLDING,
+            can_hold=state in _LED,
+        )
+
+    def _step_of(self, state: TeleopState, lead: int) -> int:
+        """Index of the step of a state, from that of leading."""
+        if state is TeleopState.OVER:
+            return lead + 2
+        return lead + int(state in self.keeps and state is not TeleopState.RECORDING)
+
+    @property
+    def _said(self) -> str:
+        """Sentence for the operator."""
+        if self._is_held:
+            return HELD
+        return AWAY if self._is_paused else self.note
+
+    def _buttons(self, state: TeleopState) -> tuple[Button, ...]:
+        found: list[Button] = []
+        if self._is_held:
+            found.append(
+                Button(id="go_on", words="Go on", message=GoOn(), is_next=True)
+            )
+        if state in self.keeps:
+            words = "Solved" if state is TeleopState.RECORDING else "Keep"
+            is_next = state is TeleopState.DECIDE
+            found.append(
+                Button(id="keep", words=words, message=Keep(), key="k", is_next=is_next)
+            )
+        if state in _DISCARDED:
+            found.append(
+                Button(id="discard", words="Discard", message=Discard(), key="d")
+            )
+        if self._episodes is not None and self._episodes.discarded:
+            words = "Restore the last discarded"
+            found.append(Button(id="restore", words=words, message=Restore()))
+        return tuple(found)
 
     def status(self) -> dict[str, Any]:
         """Return the fields of the page's message `status`."""
@@ -215,7 +292,7 @@ class Teleoperation:
             "step": self._steps,
             "steps": self.env.get_wrapper_attr("_max_episode_steps"),
             "state": str(self.state),
-            "may_keep": self.state in self.keeps,
+            "panel": self.panel.to_json(),
             "success": bool(info["success"]),
             "count": self._number,
             "kept": self.kept,
@@ -224,7 +301,7 @@ class Teleoperation:
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
             "stage_changes": [list(change) for change in self._stage_changes],
-            "note": AWAY if self._is_paused else self.note,
+            "note": self._said,
         }
 
     def _handle(self) -> bool:
@@ -234,20 +311,30 @@ class Teleoperation:
                 self.device.lose()
                 continue
             self.device.take(message, arrival_s)
-            match message:
-                case Hands():
-                    self._press(message)
-                    if self.lockstep:
-                        return True
-                case Keep():
-                    self._keep()
-                case Discard():
-                    self._discard()
-                case Restore():
-                    self._restore()
-                case Instruction(text=text):
-                    self._instruct(text.strip())
+            self._follow(message)
+            if self.lockstep and isinstance(message, Hands):
+                return True
         return False
+
+    def _follow(self, message: Message) -> None:
+        """Do what a message says."""
+        match message:
+            case Hands():
+                self._press(message)
+            case Keep():
+                self._keep()
+            case Discard():
+                self._discard()
+            case Restore():
+                self._restore()
+            case Hold():
+                self._is_held = self._is_held or self.state in _LED
+            case GoOn():
+                self._is_held = False
+            case Instruction(text=text):
+                self._instruct(text.strip())
+            case _:
+                pass
 
     def _press(self, hands: Hands) -> None:
         asked = {KEEP: self._keep, DISCARD: self._discard}
@@ -271,6 +358,8 @@ class Teleoperation:
         self.haptics.update(intent)
         if terminated or truncated:
             self._end(self._why_over(info))
+        elif self._state is TeleopState.SUCCESS and not info["success"]:
+            self._state, self.note = TeleopState.RECORDING, ""  # it was taken back
         elif info["success"] and self._state is TeleopState.RECORDING:
             self._state, self.note = (
                 TeleopState.SUCCESS,
@@ -381,7 +470,7 @@ class Teleoperation:
         self._seen: DuoState = env.base.backend.read()
         self._steps = 0
         self._stage_changes: list[list[int]] = []
-        self._is_paused, self.note = False, ""
+        self._is_paused, self._is_held, self.note = False, False, ""
         self.device.begin(env.base.backend.last_command)
         self.haptics.begin()
 

@@ -6,7 +6,7 @@ import msgspec
 
 from duobench.core.errors import escaped
 from duobench.core.types import SIDES, Side
-from duobench.teleop.messages import Hold as Hold
+from duobench.teleop.messages import Hold
 from duobench.web.messages import PageMessage
 
 LONGEST_TEXT = 300

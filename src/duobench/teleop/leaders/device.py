@@ -9,7 +9,7 @@ from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array, DuoCommand, Du
 from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.teleop.intent import Intent
-from duobench.teleop.messages import Message
+from duobench.teleop.messages import Hold, Message
 
 ALIGNED = 0.35
 """Largest distance in radians of a leader's joint from the robot's for an episode to begin."""
@@ -82,14 +82,20 @@ class LeaderDevice:
         self._armed = None
         self._is_following = False
 
-    def take(self, message: Message, arrival_s: float) -> None:
-        """Hands on a page move nothing while leader arms lead."""
+    def take(self, message: Message, arrival_s: float) -> None:  # noqa: ARG002
+        """Hands on a page move nothing while leader arms lead; a hold lets go."""
+        if isinstance(message, Hold):
+            self._is_following = False
 
     def lose(self) -> None:
         """The page has gone; leader arms go on without it."""
 
     def is_away(self, now_s: float) -> bool:  # noqa: ARG002
         """Never: where leaders do not answer, the robot stays where it is."""
+        return False
+
+    def is_squeezed_anew(self, now_s: float) -> bool:  # noqa: ARG002
+        """Never: leader arms have no clutch to let go of."""
         return False
 
     def prompt(self, now_s: float) -> str | None:

@@ -17,7 +17,8 @@ const CONTROLS = {
     ["Arrow keys, Page Up, Page Down", "move the tool along the table, up and down"],
     ["Shift and these", "turn it"],
     ["Q, E", "turn it about the vertical"],
-    ["Space, held", "a quarter of every motion, by mouse or keys"],
+    ["Space", "hold both arms"],
+    ["1 to 9, U", "on real arms: this stage is reached; take the latest back"],
     ["F, J", "left, right gripper: tap to close or open, hold for as long as you hold"],
     ["Y", "keep the episode"],
     ["Backspace, P", "discard it; put the last discarded one back"],
@@ -73,7 +74,7 @@ const HINTS = {
 };
 
 /** What the board in the scene says of a status of the server. */
-function lines({ instruction, next, stage, max_stage, state, kept, wanted, discarded }, ms) {
+function lines({ instruction, next, stage, max_stage, state, kept, wanted, discarded, panel }, ms) {
   const said = (value) => value !== undefined && value !== null;
   const facts = [
     said(stage) && said(max_stage) && `stage ${stage} of ${max_stage}`,
@@ -83,7 +84,8 @@ function lines({ instruction, next, stage, max_stage, state, kept, wanted, disca
   ];
   const line = facts.filter(Boolean).join(" · ");
   const bin = discarded > 0 && `${discarded} discarded; Y puts the last one back.`;
-  return [instruction, next && `Next: ${next}`, line, HINTS[state], bin].filter(Boolean);
+  const step = panel && `${panel.now + 1} ${panel.title}: ${panel.todo || HINTS[state] || ""}`;
+  return [instruction, next && `Next: ${next}`, line, step ?? HINTS[state], bin].filter(Boolean);
 }
 
 /**
@@ -113,6 +115,7 @@ export function startInputs({ scene, orbit, socket, status, element }) {
     role: (message) => drive(message.role === "driver"),
     status(message) {
       mouse.tools = message.tools ?? mouse.tools;
+      mouse.declaresStages = message.presses !== undefined;
       headset.lines = lines(message, hands.latency.ms);
       if (message.state === "waiting" && state !== "waiting") hands.open();
       state = message.state ?? state;

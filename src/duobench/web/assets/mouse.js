@@ -36,6 +36,8 @@ function nameOf({ key }) {
 export class Mouse {
   /** Places of both tools in the world, `{left: [x, y, z], right: …}`, where they are known. */
   tools = {};
+  /** Whether the digits say which stage is reached. */
+  declaresStages = false;
   #element;
   #orbit;
   #hands;
@@ -142,7 +144,7 @@ export class Mouse {
     } else if (key === "Tab") {
       if (event.shiftKey || event.target !== this.#element) return false; // the way out
       this.#hands.active = this.#hands.active === "left" ? "right" : "left";
-    } else if (key in ARMS) {
+    } else if (key in ARMS && !this.declaresStages) {
       this.#hands.active = ARMS[key];
     } else if (key in SAYS) {
       if (!event.repeat) this.#hands.say(SAYS[key]);
@@ -150,8 +152,6 @@ export class Mouse {
       if (!event.repeat) this.#toggle(key, now);
     } else if (key in STEERING) {
       if (!event.repeat) this.#steer(key, event.shiftKey, now);
-    } else if (key === " ") {
-      this.#share = FINE;
     } else {
       return false;
     }
@@ -160,7 +160,6 @@ export class Mouse {
 
   #keyup(event) {
     const key = nameOf(event);
-    if (key === " ") this.#share = 1;
     if (this.#keys.delete(key)) this.#hands.hand.release(key);
     const since = this.#grippers.get(key);
     this.#grippers.delete(key);

@@ -1,17 +1,11 @@
 // What the server says, in words: episode, stages, who drives, what can be chosen.
 
 import { Chips, make, Timeline } from "./controls.js";
+import { letHold, Panel } from "./panel.js";
 
-const STATES = {
-  waiting: "Waiting for the first move",
-  recording: "Recording",
-  success: "Success",
-  decide: "Keep or discard?",
-  over: "Over",
-  playing: "Playing",
-  paused: "Paused",
-};
-const DISCARDED = ["recording", "success", "decide", "paused"]; // where it may be
+const STATES = { playing: "Playing", paused: "Paused" }; // where no panel says it
+
+const JUDGED = ["recording", "success", "paused", "decide"]; // where stages are declared
 
 /** Fills the page; `tell` sends a message to the server. */
 export class Status {
@@ -19,6 +13,8 @@ export class Status {
   latency = () => null;
   #page;
   #tell;
+  #panel;
+  #judging = null; // what takes stages, once it was loaded
   #chips;
   #timeline;
   #last = {};
@@ -34,9 +30,8 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of ["keep", "discard", "restore"]) {
-      this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
-    }
+    this.#panel = new Panel(page, tell);
+    letHold(this.#part("#hold"), tell, () => this.#last.panel?.can_hold);
     this.#part("#drive").addEventListener("click", () => {
       const isTaken = this.#role?.drivers > 0;
       tell({ kind: isTaken ? "take_over" : "drive" });
@@ -55,15 +50,16 @@ export class Status {
 
   show(status) {
     this.#last = status;
-    const { title, task, instruction, next, state, note, success } = status;
+    const { title, task, instruction, next, state, note, success, panel } = status;
     const name = title ?? task;
     if (name) document.title = `${name} · DuoBench`;
     this.#write("h1", name ?? "DuoBench");
     this.#write(".instruction", instruction);
     this.#write(".next", next && `Next: ${next}`);
-    this.#write(".state", STATES[state] ?? state);
+    this.#write(".state", panel?.title ?? STATES[state] ?? state);
     this.#part(".state").dataset.state = success ? "success" : (state ?? "");
-    this.#write(".note", note);
+    this.#write(".note", panel?.todo ?? note);
+    this.#part("#holding").hidden = !panel;
     this.#showStages(status);
     this.#showFacts(status);
     this.#showItems(status.items ?? [], status.selected);
@@ -170,16 +166,29 @@ export class Status {
     const isTaken = !this.#isDriver && this.#role?.drivers > 0;
     drive.hidden = this.#isDriver;
     drive.textContent = isTaken ? "Take over" : "Drive";
-    const { state, instruction, discarded = 0 } = this.#last;
-    this.#part("#restore").hidden = !this.#isDriver || !discarded;
-    const keep = this.#part("#keep");
-    keep.hidden = !this.#isDriver || !this.#last.may_keep;
-    keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
-    this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
+    const { instruction, panel } = this.#last;
+    if (panel) this.#panel.show(panel, this.#isDriver);
+    this.#showJudging();
     const wording = this.#part("#wording");
     wording.hidden = !this.#isDriver;
     const input = wording.querySelector("input");
     if (document.activeElement !== input) input.value = instruction ?? "";
+  }
+
+  /** Stages that a person declares; what takes them is loaded only where one does. */
+  async #showJudging() {
+    if (!this.#last.presses) return;
+    if (!this.#judging) {
+      this.#judging = import("./judging.js");
+      const { Judging } = await this.#judging;
+      this.#judging = new Judging(this.#page, { undo: "u" });
+      this.#judging.onStage = (stage) => this.#tell({ kind: "stage", stage });
+      this.#judging.onUndo = () => this.#tell({ kind: "undo" });
+    }
+    if (!this.#judging.show) return; // it still loads
+    this.#judging.isOpen = this.#isDriver && JUDGED.includes(this.#last.state);
+    this.#part("#judging").hidden = !this.#judging.isOpen;
+    this.#judging.show(this.#last);
   }
 
   #part(selector) {
