@@ -5,13 +5,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 import duobench
 from duobench.core.errors import ActionError, DataError, OutputError, SimulationError
 from duobench.core.types import DuoCommand
-from duobench.data import Actor, DataSet, Outcome, Recorder, Recording, stream
+from duobench.data import Actor, ActorKind, DataSet, Outcome, Recorder, Recording, stream
 from duobench.data.recorder import UNDECIDED
+from duobench.data.schema import Takeover
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.action_wrappers import CartesianActions
 from duobench.envs.episode_state import EpisodeState
@@ -343,3 +345,55 @@ def test_rows_say_which_hands_led_where_there_is_a_clutch(
     assert example.clutch.shape == (HORIZON, 0)
     with pytest.raises(DataError, match="'clutch' has shape"):
         replace(example, clutch=np.ones((HORIZON, 2), dtype=bool))
+
+
+# --- episodes that several led ------------------------------------------------------------------
+
+POLICY = Actor(kind=ActorKind.POLICY, name="act")
+PERSON = Actor(kind=ActorKind.PERSON, name="P01")
+
+
+def taken_over(env: Recorder) -> None:
+    """Four steps of a policy, three of a person, and two of the policy again."""
+    hold, _ = env.reset(seed=0)
+    for step in range(9):
+        if step == 4:
+            env.take_over(PERSON)
+        if step == 6:
+            env.explain("dropped")
+        if step == 7:
+            env.leader = None
+        env.step(hold["agent_pos"])
+
+
+def test_rows_say_who_led_and_why_also_after_a_kill(tmp_path: Path) -> None:
+    env, data = Recorder(plain(horizon=20), tmp_path, POLICY), DataSet.open(tmp_path)
+    taken_over(env)
+    (partial,) = data.partials()
+    left = stream.recover(partial)
+    env.device = "gamepad"
+    env.take_over(PERSON, "no row of it follows")
+    env.finish()
+    whole = only(tmp_path)
+    assert whole.leader.tolist() == [0, 0, 0, 0, 1, 1, 1, 0, 0]
+    assert whole.info.leaders == (POLICY, replace(PERSON, device="gamepad"))
+    assert left.info.leaders == (POLICY, PERSON)
+    assert left.leader.tolist() == whole.leader.tolist()[: len(left)]
+    assert whole.info.takeovers == (Takeover(step=4, why="dropped"),)
+    assert left.info.takeovers == whole.info.takeovers
+    with pytest.raises(DataError, match="'leader' counts from 0 to 1, and 1 led"):
+        replace(whole, info=replace(whole.info, leaders=()))
+    env.close()
+
+
+def test_an_episode_of_one_leader_says_no_more_than_that(tmp_path: Path) -> None:
+    env = Recorder(plain(horizon=20), tmp_path, POLICY)
+    hold, _ = env.reset(seed=0)
+    env.leader = PERSON
+    env.step(hold["agent_pos"])
+    env.close()
+    (path,) = DataSet.open(tmp_path).episodes()
+    rows = Recording.read(path)
+    assert (rows.info.actor, rows.info.leaders) == (PERSON, ())
+    assert rows.leader.tolist() == [0]
+    assert "leader" not in pq.read_schema(path).names

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         Outcome as Outcome,
     )
     from duobench.data.summary import Summary as Summary, summarize as summarize
+    from duobench.data.used_rows import RowChoice as RowChoice
 else:
     __getattr__, __dir__, __all__ = lazy(
         __name__,
@@ -54,5 +55,6 @@ else:
             "duobench.data.recording": ["Recording"],
             "duobench.data.schema": ["Actor", "ActorKind", "EpisodeInfo", "Outcome"],
             "duobench.data.summary": ["Summary", "summarize"],
+            "duobench.data.used_rows": ["RowChoice"],
         },
     )

@@ -19,9 +19,11 @@ from duobench.core.versions import package_versions
 from duobench.data.dataset import DataSet
 from duobench.data.schema import (
     Actor,
+    ActorKind,
     Domain,
     EpisodeInfo,
     Outcome,
+    Takeover,
     steps_after_success,
 )
 from duobench.data.stream import EpisodeRows, outcome_of
@@ -119,6 +121,8 @@ class Recorder(DuoWrapper):
         """Name of the next episode's file; without one it is the next free number."""
         self.clutch: tuple[bool, bool] = (False, False)
         """Whether each hand, left then right, leads its arm in the next action."""
+        self.leader: Actor | None = None
+        """Actor of the next actions of this episode, where that is not `actor`."""
         self.device: str | None = None
         """Device that led in this episode, where that shows only while it runs; else the
         actor's."""
@@ -133,6 +137,7 @@ class Recorder(DuoWrapper):
             None  # the running one, or the one that waits
         )
         self._intended: Array | None = None
+        self._leaders: list[Actor] = []
         self._steps_after_success = steps_after_success(after_success)
         self._steps_left = 0  # after success, of an episode that has succeeded
         observed = getattr(env.observation_space, "spaces", {})
@@ -194,7 +199,8 @@ class Recorder(DuoWrapper):
                 self._rig.begin(stream)
         self._intended = None
         self._steps_left = 0
-        self.device = None
+        self.device = self.leader = None
+        self._leaders = []
         self._episode.append(self._seen(self._episode, observation, info))
         return observation, info
 
@@ -219,6 +225,7 @@ class Recorder(DuoWrapper):
         if episode is not None:
             row = {"action": given if wanted is None else wanted, "sent": info["sent"]}
             row |= {"clutch": self.clutch} if episode.info.has_clutch else {}
+            row |= {"leader": self._place_of_leader(episode)}
             episode.complete(row | {"reward": reward})
             episode.append(self._seen(episode, observation, info))
             reason = info.get(TRUNCATION_REASON)
@@ -242,6 +249,37 @@ class Recorder(DuoWrapper):
             ActionError: It has another shape than an action, or holds NaN or infinity.
         """
         self._intended = spaces.checked_action(action, self._of_all["action_names"])
+
+    def take_over(self, leader: Actor, why: str = "") -> None:
+        """Let another actor lead from the next action on, in the place of a policy.
+
+        Args:
+            leader: That actor; `leader` is set again when the policy goes on.
+            why: Reason, as far as it is known; see `explain`.
+        """
+        self.leader = leader
+        episode = self._running
+        if episode is not None:
+            takeover = Takeover(step=len(episode.rows) - 1, why=why)
+            episode.note(takeovers=(*episode.info.takeovers, takeover))
+
+    def explain(self, why: str) -> None:
+        """Say why the last take-over of the running episode began, if there was one."""
+        episode = self._running
+        if episode is not None and episode.info.takeovers:
+            *before, last = episode.info.takeovers
+            episode.note(takeovers=(*before, replace(last, why=why)))
+
+    def _place_of_leader(self, episode: EpisodeRows) -> int:
+        """Place of who leads this row among those who led; the first one is the actor."""
+        leader = self.leader or episode.info.actor
+        if leader not in self._leaders:
+            self._leaders.append(leader)
+            if len(self._leaders) > 1:
+                episode.note(leaders=tuple(self._leaders))
+            elif leader != episode.info.actor:
+                episode.note(actor=leader)
+        return self._leaders.index(leader)
 
     def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, unrecorded; the running episode's recording ends here."""
@@ -280,16 +318,25 @@ class Recorder(DuoWrapper):
         # A step that was broken off has left another state than that of the last row.
         is_last = np.array_equal(self._physics(), rows[-1]["state"])
         last_hash = self.state_hash() if self._sim is not None and is_last else None
-        actor = replace(
-            episode.info.actor, device=self.device or episode.info.actor.device
-        )
+        info = episode.info
         episode.info = replace(
-            episode.info, outcome=outcome, last_hash=last_hash, actor=actor
+            info,
+            outcome=outcome,
+            last_hash=last_hash,
+            actor=self._with_device(info.actor),
+            leaders=tuple(map(self._with_device, info.leaders)),
+            takeovers=tuple(one for one in info.takeovers if one.step < len(rows) - 1),
         )
         if self._is_reviewed:
             episode.flush()
         else:
             self._write()
+
+    def _with_device(self, actor: Actor) -> Actor:
+        """An actor with the device that led, unless it is a policy, which has none."""
+        if actor.kind in (ActorKind.POLICY, ActorKind.EXPERT):
+            return actor
+        return replace(actor, device=self.device or actor.device)
 
     @property
     def pending(self) -> Outcome | None:

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 from duobench.core.errors import DataError, FileError
 from duobench.core.files import decode, encode, write
 from duobench.core.types import Array
-from duobench.data.schema import COLUMNS, INFO_KEY, SCHEMA, Column, EpisodeInfo
+from duobench.data.schema import (
+    COLUMNS,
+    INFO_KEY,
+    LEADER,
+    SCHEMA,
+    Column,
+    EpisodeInfo,
+)
 
 _CHECKSUM_KEY = INFO_KEY + b".sha256"
 COMPRESSION_LEVEL = 1
@@ -72,6 +79,8 @@ class Recording:
     clutch: NDArray[np.bool_]
     """Whether each hand of the operator led its arm (T, 2), left then right; without a clutch
     (T, 0)."""
+    leader: NDArray[np.int64]
+    """Who led (T,), as a place in `info.actors`."""
     frame: NDArray[np.int64]
     """Which frame of each video belongs to a row (T + 1, v), from 0 on; -1 before the first one. In
     the order of `info.videos`; without videos (T + 1, 0)."""
@@ -96,6 +105,12 @@ class Recording:
                     f"Column {column.name!r} has shape {array.shape} of {array.dtype}, expected "
                     f"was {(rows, *width)} of {np.dtype(column.dtype)}."
                 )
+        actors = len(self.info.actors)
+        if len(self) and not 0 <= self.leader.min() <= self.leader.max() < actors:
+            raise DataError(
+                f"Column {LEADER!r} counts from {self.leader.min()} to {self.leader.max()}, and "
+                f"{actors} led."
+            )
 
     def __len__(self) -> int:
         return len(self.action)
@@ -200,7 +215,9 @@ def _from_table(table: pa.Table) -> Recording:
     for column in COLUMNS:
         length = table.num_rows - column.of_action
         if column.name in absent:
-            arrays[column.name] = np.empty((length, 0), column.dtype)
+            arrays[column.name] = np.zeros(
+                (length, *(0 for _ in column.shape)), column.dtype
+            )
         else:
             rows = table.column(column.name).combine_chunks()
             arrays[column.name] = _numbers(column, rows[:length])

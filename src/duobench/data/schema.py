@@ -65,7 +65,12 @@ class Column:
     """Whether it belongs to the action of its row, so that the last row has none."""
 
     def is_in(self, info: "EpisodeInfo") -> bool:
-        """Whether an episode has it; the rows of others hold no numbers, (T, 0) or (T + 1, 0)."""
+        """Whether an episode has it.
+
+        The rows of others hold no numbers, (T, 0) or (T + 1, 0), and all have the same leader.
+        """
+        if self.name == LEADER:
+            return bool(info.leaders)
         return info.widths.get(self.name) != 0
 
     def row_shape(self, info: "EpisodeInfo", size: int) -> tuple[int, ...]:
@@ -74,6 +79,8 @@ class Column:
         return tuple(n or size for n in self.shape) if width is None else (width,)
 
 
+LEADER = "leader"
+"""Column that says who led each row."""
 COLUMNS = (
     Column(name="time", dtype=np.float64, shape=()),
     Column(name="agent_pos", dtype=np.float32, shape=(16,)),
@@ -105,6 +112,12 @@ COLUMNS = (
         name="clutch",
         dtype=np.bool_,
         shape=(2,),
+        of_action=True,
+    ),
+    Column(
+        name=LEADER,
+        dtype=np.int64,
+        shape=(),
         of_action=True,
     ),
     *(
@@ -181,6 +194,16 @@ class Actor:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Takeover:
+    """Beginning of a stretch in which somebody else led than the policy."""
+
+    step: int
+    """Control steps before it: the row of its first action."""
+    why: str = ""
+    """Reason that was given; empty without."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Outcome:
     """End of an episode."""
 
@@ -249,11 +272,20 @@ class EpisodeInfo:
     columns of frames; none in simulation, where images follow from states."""
     robot_state_names: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Names of the numbers of `left_robot_state` and `right_robot_state`, by side."""
+    leaders: tuple[Actor, ...] = ()
+    """Those who led, `actor` first, where several did; the column `leader` counts in them."""
+    takeovers: tuple[Takeover, ...] = ()
+    """Beginnings of what was led in the place of a policy, by step."""
 
     @property
     def is_real(self) -> bool:
         """Whether it was played on real arms, whose state is not known as a whole."""
         return self.domain is Domain.REAL
+
+    @property
+    def actors(self) -> tuple[Actor, ...]:
+        """All who led, in the order in which they did first: `leader` is a place in these."""
+        return self.leaders or (self.actor,)
 
     @property
     def widths(self) -> dict[str, int]:
@@ -279,7 +311,7 @@ class EpisodeInfo:
 
     @property
     def begun(self) -> "EpisodeInfo":
-        """Facts that were known when it began; the device may be known later."""
+        """Facts that were known when it began; the device and further leaders are known later."""
         actor = replace(self.actor, device=None)
         videos = dict.fromkeys(self.videos, VideoFacts())
         return replace(
@@ -288,4 +320,6 @@ class EpisodeInfo:
             last_hash=None,
             videos=videos,
             actor=actor,
+            leaders=(),
+            takeovers=(),
         )

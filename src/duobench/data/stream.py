@@ -25,7 +25,14 @@ from duobench.core.files import (
     writing,
 )
 from duobench.data.recording import Recording, success_start
-from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
+from duobench.data.schema import (
+    COLUMNS,
+    LEADER,
+    SCHEMA,
+    EpisodeInfo,
+    Outcome,
+    video_path,
+)
 from duobench.data.videos import Videos, recovered
 
 SUFFIX = ".part"
@@ -35,6 +42,8 @@ BATCH_ROWS = 8
 INTERRUPTED = "The recording was interrupted."
 """Reason of the end of a recovered episode."""
 _FIRST_CAPACITY = 512  # rows; it doubles
+_ROOM_BYTES = 1 << 14
+"""Bytes after the head for those who lead later, and why: hundreds of them."""
 _LENGTH_BYTES = 8
 """Bytes before the head that say how long it is."""
 
@@ -46,6 +55,8 @@ class _Head:
     info: EpisodeInfo
     sizes: dict[str, int]
     """Numbers in one row of the columns that have as many as there are."""
+    has_leader: bool = False
+    """Whether rows say who led, which those of earlier versions did not."""
 
     def row_type(self) -> np.dtype[Any]:
         """Type of a row in memory and in the file."""
@@ -56,6 +67,7 @@ class _Head:
                 column.row_shape(self.info, self.sizes.get(column.name, 0)),
             )
             for column in COLUMNS
+            if column.name != LEADER or self.has_leader
         ]
         return np.dtype(fields, align=True)
 
@@ -72,7 +84,7 @@ class EpisodeRows:
         self.info = info
         """Facts about it, which grow."""
         self.videos: Videos | None = None
-        self._head = _Head(info=info, sizes=dict(sizes))
+        self._head = _Head(info=info, sizes=dict(sizes), has_leader=True)
         self._rows = np.zeros(_FIRST_CAPACITY, self._head.row_type())
         self._count = 0
 
@@ -93,6 +105,10 @@ class EpisodeRows:
         """Fill columns of the last row: its action and what the step gave, or what is seen anew."""
         for name, value in row.items():
             self._rows[name][self._count - 1] = value
+
+    def note(self, **facts: Any) -> None:
+        """Note facts about the episode that came up while it ran, by their names in `info`."""
+        self.info = replace(self.info, **facts)
 
     def finish(self, folder: Path | None = None) -> Recording:  # noqa: ARG002 - it has no file
         """The whole episode, which ends here as `info` says."""
@@ -119,7 +135,8 @@ class EpisodeStream(EpisodeRows):
         self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
-        text = encode(self._head, SCHEMA).encode(errors="replace")
+        text = self._head_text(info)
+        text = text.ljust(len(text) + _ROOM_BYTES)
         with writing(self._partial):
             try:
                 self._file = self._partial.open("xb")
@@ -138,6 +155,20 @@ class EpisodeStream(EpisodeRows):
             self._remove()
             raise
         self._start = self._file.tell()
+
+    def note(self, **facts: Any) -> None:
+        """Note facts, also in the file; there they have to fit into the room that is left."""
+        super().note(**facts)
+        room = self._start - _LENGTH_BYTES
+        text = self._head_text(self.info).ljust(room)
+        if len(text) == room:
+            with writing(self._partial):
+                self._file.seek(_LENGTH_BYTES)
+                self._file.write(text)
+                self._file.flush()
+
+    def _head_text(self, info: EpisodeInfo) -> bytes:
+        return encode(replace(self._head, info=info), SCHEMA).encode(errors="replace")
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Append what was seen, and write what is complete now and then."""
@@ -265,4 +296,9 @@ def read_left(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
         rows = np.frombuffer(data[end:], kind, max(0, len(data) - end) // kind.itemsize)
     except (OSError, FileError, KeyError, ValueError) as error:
         raise DataError(f"Cannot recover {partial}: {error}") from error
-    return head.info, rows
+    if head.has_leader:
+        return head.info, rows
+    whole = np.zeros(len(rows), replace(head, has_leader=True).row_type())
+    for name in kind.names:
+        whole[name] = rows[name]
+    return head.info, whole

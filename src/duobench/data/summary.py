@@ -1,5 +1,6 @@
 """Summary of a data set: lengths, success, time a stage, actions and speeds."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -13,6 +14,7 @@ from duobench.data.attempts import SKIPPED, Attempt, compared, of_task
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
+from duobench.data.used_rows import Reason, RowChoice, used_rows
 from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.tasks import catalog
@@ -83,6 +85,8 @@ class TaskSummary:
     """Names of the rigs; that of a rehearsal has "no hardware" behind its name."""
     left_out: int = 0
     """Frames that are missing in videos, because the encoder was too far behind."""
+    unused: dict[Reason, int] = field(default_factory=dict)
+    """Rows that exports leave out by default, for each reason."""
 
     attempts: tuple[Attempt, ...] = ()
     """Episodes that were begun for the data set, as far as that was noted."""
@@ -182,15 +186,19 @@ def summarize(data: DataSet) -> Summary:
     }
     for task in data.tasks:
         recordings = []
+        unused = Counter[Reason]()
         for recording in data.recordings(task):
             commands.append(recording.sent.astype(np.float32))
             speeds.append(np.abs(recording.joint_velocity).max(axis=0))
             names = recording.info.observation_names
+            reference = data.reference(recording.info)
+            unused.update(used_rows(recording, RowChoice(), reference).left_out)
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))
         definition = catalog.get(data.reference(recordings[0].info))
-        tasks.append(replace(_summarize_task(definition, recordings), attempts=begun))
+        found = _summarize_task(definition, recordings)
+        tasks.append(replace(found, attempts=begun, unused=dict(unused)))
     if not tasks:
         words = "".join(f" Of {task} {each}." for task, each in differences.items())
         raise DataError(f"{data.path} holds no episode.{words}")

@@ -12,6 +12,7 @@ from rich.table import Table
 from duobench.cli.shared.advice import FOREIGN, advising
 from duobench.cli.shared.console import numeric, say, table, whole
 from duobench.cli.shared.folders import AS_NOTED, open_data
+from duobench.data.used_rows import Reason
 
 if TYPE_CHECKING:
     from duobench.data.summary import Summary, TaskSummary
@@ -82,6 +83,12 @@ def _actors(summary: Summary) -> Iterator[str]:
             yield f"{task.task}: {task.attempted}"
         if task.led is not None:
             yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
+        idle = task.unused.get(Reason.IDLE, 0)
+        if idle:
+            yield (
+                f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
+                "which exports leave out"
+            )
 
 
 def _smoothness(summary: Summary) -> Table:

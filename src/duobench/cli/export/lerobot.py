@@ -19,6 +19,7 @@ from duobench.data.lerobot.options import (
     ExportImages,
     ExportOptions,
 )
+from duobench.data.used_rows import Reason
 
 _EPISODES, _IMAGES, _FORM = EpisodeChoice(), ExportImages(), ExportForm()
 _ADVICE: Advice = {
@@ -45,7 +46,7 @@ def run(
     Args:
         data: Folder of the data set, or of several, simulated and real ones too.
         out: Folder of the export.
-        episodes: Which episodes are exported.
+        episodes: Which episodes are exported, and which of their rows.
         images: What cameras show of them.
         export: What else is exported of them, and how.
         per_task: Write one data set a task, each in a folder of its name; object states of several
@@ -85,6 +86,12 @@ def run(
     if done.left_out:
         say(
             f"Left out: {counted(done.left_out, 'episode')}, discarded, not wanted or there twice."
+        )
+    idle = done.rows_left_out.get(Reason.IDLE, 0)
+    if idle:
+        say(
+            f"Left out: {counted(idle, 'row')} in which nobody led and nothing moved; "
+            "--keep-idle keeps them."
         )
     if done.eval_layouts:
         of_eval = counted(done.eval_layouts, "episode")

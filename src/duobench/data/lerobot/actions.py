@@ -17,6 +17,7 @@ from duobench.core.types import (
 from duobench.data.lerobot.folder import Residual
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
+from duobench.data.used_rows import Steps, UsedRows
 from duobench.envs.action_labels import tool_labels
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT
 from duobench.world.kinematics.inverse import Kinematics
@@ -27,38 +28,41 @@ _kinematics = cache(Kinematics)
 
 
 def labels_of(
-    recording: Recording, mode: str, source: ActionSource
+    recording: Recording, mode: str, source: ActionSource, steps: Steps | None = None
 ) -> tuple[Array, Residual | None]:
-    """The actions as labels (T, n) of a mode, and the residual if inverse kinematics solved them.
+    """Actions of some steps, or all, as labels (n, m) of a mode.
+
+    Where inverse kinematics solved them, its residual comes with them.
 
     Actions that were not given in the wanted mode are joint targets, whose tool poses follow by
-    forward kinematics. A relative one leads from the pose that was last sent (where the arms were
-    in that row, with anything that an actor added to its own actions) to the label's pose.
+    forward kinematics. A relative one leads from the pose that the step before sent (where the arms
+    were in that row, with anything that an actor added to its own actions) to the label's pose.
     """
+    steps = steps or UsedRows.every(len(recording)).steps()
     is_own = mode == recording.info.mode.name and source is not ActionSource.SENT
     if is_own and mode != JOINT.name:
-        return _as_given(recording, mode), None
-    targets, residual = _joint_targets(recording, source)
+        return _as_given(recording.action[steps.rows], mode), None
+    targets, residual = _joint_targets(recording, steps, source)
     if mode == JOINT.name:
         return targets, residual
     positions, rotations = _tools(targets)
     if mode == CARTESIAN_RELATIVE.name:
         home = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES))).flat
-        before, turned = _tools(np.vstack([home, recording.sent[:-1]]))
+        before, turned = _tools(np.vstack([home, recording.sent])[steps.before + 1])
         positions = positions - before
         rotations = _turns_between(turned, rotations)
     return tool_labels(positions, rotations, targets[:, OPENING_SLOTS]), residual
 
 
-def _as_given(recording: Recording, mode: str) -> Array:
+def _as_given(actions: Array, mode: str) -> Array:
     """Labels of actions that were given in their mode, in other numbers of the rotation alone."""
-    sides = recording.action.reshape(len(recording), len(SIDES), -1)
-    numbers = sides[..., 3:-1].reshape(2 * len(recording), -1)
+    sides = actions.reshape(len(actions), len(SIDES), -1)
+    numbers = sides[..., 3:-1].reshape(2 * len(actions), -1)
     if mode == CARTESIAN.name:
         rotations = [SE3.from_wxyz(xyzw[[3, 0, 1, 2]]).rotation for xyzw in numbers]
     else:
         rotations = [rotation_by(vector) for vector in numbers]
-    shape = (len(recording), len(SIDES), 3, 3)
+    shape = (len(actions), len(SIDES), 3, 3)
     return tool_labels(sides[..., :3], np.reshape(rotations, shape), sides[..., -1])
 
 
@@ -77,27 +81,28 @@ def _turns_between(before: Array, after: Array) -> Array:
 
 
 def _joint_targets(
-    recording: Recording, source: ActionSource
+    recording: Recording, steps: Steps, source: ActionSource
 ) -> tuple[Array, Residual | None]:
-    """The actions as joint targets and openings (T, 16)."""
+    """The actions as joint targets and openings (n, 16)."""
     if recording.info.mode == JOINT and source is not ActionSource.SENT:
-        return recording.action, None
-    return (
-        _solved(recording) if source is ActionSource.GIVEN else (recording.sent, None)
-    )
+        return recording.action[steps.rows], None
+    if source is ActionSource.GIVEN:
+        return _solved(recording, steps)
+    return recording.sent[steps.rows], None
 
 
-def _solved(recording: Recording) -> tuple[Array, Residual]:
+def _solved(recording: Recording, steps: Steps) -> tuple[Array, Residual]:
     """Joint targets of tool poses, solved for from the observed joints of each row."""
     kinematics = _kinematics()
-    solved, errors = np.empty((len(recording), FLAT_SIZE)), []
-    for row, action in enumerate(recording.action.reshape(-1, len(SIDES), SIDE_SIZE)):
+    solved, errors = np.empty((len(steps), FLAT_SIZE)), []
+    for number, row in enumerate(steps.rows):
+        action = recording.action[row].reshape(len(SIDES), SIDE_SIZE)
         targets = {
             side: SE3.from_tquat(action[side.index, :ARM_JOINTS]) for side in SIDES
         }
         observed = DuoCommand.from_flat(recording.agent_pos[row]).joints
         joints, _ = kinematics.solve(observed, targets)
-        solved[row] = DuoCommand(joints=joints, openings=action[:, ARM_JOINTS]).flat
+        solved[number] = DuoCommand(joints=joints, openings=action[:, ARM_JOINTS]).flat
         reached = kinematics.forward(joints)
         errors += [reached[side].distance(targets[side]) for side in SIDES]
     positions, rotations = zip(*errors, strict=True)

@@ -1,8 +1,9 @@
 """Export of a data set: missing episodes are exported, then the metadata is written."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,14 @@ from duobench.core.files import (
     replacing,
     write,
 )
-from duobench.core.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
+from duobench.core.lerobot_keys import (
+    ACTION,
+    DOMAIN,
+    DOMAINS,
+    OBJECT_STATE,
+    RECORDING_ROW,
+    STATE,
+)
 from duobench.core.processes import Progress, run_all
 from duobench.core.randomness import EVAL, SUITE_VERSION, look_number
 from duobench.core.types import Array
@@ -60,6 +68,7 @@ from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.rewards import rewards_of
 from duobench.data.schema import Domain
+from duobench.data.used_rows import Reason, Steps, used_rows
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.envs.camera_options import name_of
 from duobench.envs.rewards import DENSE, PROGRESS, STAGE
@@ -81,6 +90,8 @@ class Exported:
     """Number of rows of all of them."""
     left_out: int
     """Episodes of the data set that are not in it."""
+    rows_left_out: dict[Reason, int] = field(default_factory=dict)
+    """Rows of its episodes that are not in it, for each reason."""
     residual: Residual | None
     eval_layouts: int
     """Episodes in it with layouts of the evaluation's split."""
@@ -157,6 +168,9 @@ def export_lerobot(
         episodes=episodes,
         frames=sum(export.frames for export in plans.values()),
         left_out=len(paths) - episodes,
+        rows_left_out=dict(
+            sum((Counter(plan.left_out) for plan in plans.values()), Counter())
+        ),
         eval_layouts=sum(
             one.split == EVAL for plan in plans.values() for one in plan.episodes
         ),
@@ -196,12 +210,17 @@ def _plan(
         if _is_wanted(recording, options) and digest not in digests:
             digests.add(digest)
             _check(recording, options, path)
-            tasks.add(sources[number].reference(recording.info))
+            task = sources[number].reference(recording.info)
+            rows = used_rows(recording, options, task)
+            if not rows.spans:
+                continue
+            tasks.add(task)
             episodes.append(
                 SourceEpisode(
                     file=path.relative_to(sources[number].path).as_posix(),
                     sha256=digest,
-                    length=-(-len(recording) // options.every),
+                    length=len(rows.steps(options.every)),
+                    rows=rows,
                     instruction=recording.info.instruction,
                     data_set=number,
                     domain=recording.info.domain,
@@ -353,10 +372,12 @@ def _exporter(
             raise DataError(
                 f"{path} has changed since the export began; begin it anew."
             )
-        actions, residual = labels_of(recording, options.action, options.action_source)
+        steps = episode.rows.steps(options.every)
+        actions, residual = labels_of(
+            recording, options.action, options.action_source, steps
+        )
         counts = {name: no_counts(is_depth=name in depth_of) for name in options.videos}
-        offset = options.pairing.offset
-        shown = range(offset, offset + len(recording), options.every)
+        shown = (steps.rows + options.pairing.offset).tolist()
         source = None
         if not recording.info.is_real and options.shows_states:
             source = source_of(sources[episode.data_set].reference(recording.info))
@@ -365,7 +386,7 @@ def _exporter(
             rewards = rewards_of(recording, options.reward, source)
         except DataError as error:
             raise DataError(f"{path}: {error}") from error
-        columns = _rows(recording, actions, rewards, export, index)
+        columns = _rows(recording, steps, actions, rewards, export, index)
         if options.videos:
             paths = {name: folder.video(name, index) for name in options.videos}
             with ExitStack() as ending:
@@ -466,30 +487,35 @@ def write_videos(
 
 
 def _rows(
-    recording: Recording, actions: Array, rewards: Array, export: Export, index: int
+    recording: Recording,
+    steps: Steps,
+    actions: Array,
+    rewards: Array,
+    export: Export,
+    index: int,
 ) -> dict[str, NDArray[Any]]:
-    """The columns of an episode: each so many rows, with what was paid until the next one."""
-    options, length = export.options, len(recording)
-    firsts = np.arange(0, length, options.every)
-    lasts = np.minimum(firsts + options.every, length) - 1
-    seen_in, number = firsts + options.pairing.offset, np.arange(len(firsts))
+    """The columns of an episode: its steps, with what was paid until the next one."""
+    options = export.options
+    length = len(steps)
+    number = np.arange(length)
+    seen_in = steps.rows + options.pairing.offset
+    last = min(recording.steps, int(steps.ends[-1]))
     seen = [
         recording.agent_pos,
         *(getattr(recording, part) for part in options.state),
     ]
     return {
         STATE: np.hstack(seen)[seen_in],
-        ACTION: actions[firsts].astype(np.float32),
-        "next.reward": np.add.reduceat(rewards, firsts).astype(np.float32),
-        "next.done": lasts >= recording.steps - 1,
-        "next.success": recording.success[lasts + 1],
+        ACTION: actions.astype(np.float32),
+        "next.reward": steps.added(rewards).astype(np.float32),
+        "next.done": steps.ends >= last,
+        "next.success": recording.success[steps.ends],
         "stage": recording.stage[seen_in],
-        DOMAIN: np.full(len(firsts), DOMAINS.index(export.episodes[index].domain)),
+        DOMAIN: np.full(length, DOMAINS.index(export.episodes[index].domain)),
+        RECORDING_ROW: steps.rows,
         "timestamp": (number / options.fps).astype(np.float32),
         "frame_index": number,
-        "episode_index": np.full(len(firsts), index),
+        "episode_index": np.full(length, index),
         "index": export.first_row(index) + number,
-        "task_index": np.full(
-            len(firsts), export.tasks.index(recording.info.instruction)
-        ),
+        "task_index": np.full(length, export.tasks.index(recording.info.instruction)),
     }

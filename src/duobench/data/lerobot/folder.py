@@ -4,6 +4,7 @@ Features are named as LeRobot, Hugging Face and Arrow name them.
 """
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -20,16 +21,18 @@ from duobench.core.lerobot_keys import (
     DOMAINS,
     IMAGE_PREFIX,
     OBJECT_STATE,
+    RECORDING_ROW,
     STATE,
 )
 from duobench.data.lerobot import depth
 from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
+from duobench.data.used_rows import Reason, UsedRows
 from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
 from duobench.world.robot.camera_geometry import named
 
-SCHEMA = 4
+SCHEMA = 5
 """Version of `Export` and `EpisodeFacts`."""
 CHUNK_SIZE = 1000
 """Files in one folder; fixed by the format's default."""
@@ -44,6 +47,7 @@ _SCALARS = {
     "next.success": "bool",
     "stage": "int64",
     DOMAIN: "int64",
+    RECORDING_ROW: "int64",
     # LeRobot's own, in its order:
     "timestamp": "float32",
     "frame_index": "int64",
@@ -63,8 +67,10 @@ class SourceEpisode:
     """Its file, from the folder of its data set."""
     sha256: str
     length: int
-    """Number of its actions, and of its rows in the export."""
+    """Number of its rows in the export."""
     instruction: str
+    rows: UsedRows
+    """Rows of the recording that are exported."""
     data_set: int = 0
     """Number of its data set, in the order in which they were given."""
     domain: Domain = Domain.SIM
@@ -115,6 +121,14 @@ class Export:
     def frames(self) -> int:
         """Rows of all episodes together."""
         return self.first_row(len(self.episodes))
+
+    @property
+    def left_out(self) -> dict[Reason, int]:
+        """How many rows of the recordings are left out, for each reason."""
+        counts = Counter[Reason]()
+        for episode in self.episodes:
+            counts.update(episode.rows.left_out)
+        return dict(counts)
 
     def first_row(self, index: int) -> int:
         """Rows of the export before those of an episode."""

@@ -11,6 +11,7 @@ from duobench.core.errors import DataError, OptionError, check_known
 from duobench.core.lerobot_keys import DEPTH_SUFFIX
 from duobench.core.types import CONTROL_HZ, as_several, as_size
 from duobench.data.schema import Domain
+from duobench.data.used_rows import RowChoice
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT
 from duobench.envs.camera_options import name_of
@@ -132,8 +133,8 @@ def _checked_size(given: object, least: int = LEAST_SIZE) -> tuple[int, int]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeChoice:
-    """Which episodes are exported."""
+class EpisodeChoice(RowChoice):
+    """Which episodes are exported, and which of their rows."""
 
     tasks: tuple[str, ...] = ()
     """Ids of the tasks to export; if empty, all tasks of the data set."""

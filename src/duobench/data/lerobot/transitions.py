@@ -14,6 +14,7 @@ from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.options import ActionSource
 from duobench.data.recording import Recording
 from duobench.data.rewards import rewards_of
+from duobench.data.used_rows import RowChoice, Steps, used_rows
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import ACTION_MODES, JOINT, JOINT_RELATIVE
 from duobench.envs.rewards import DENSE, PROGRESS, REWARDS
@@ -22,10 +23,14 @@ from duobench.world.robot.joints import HOME_JOINTS
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Transitions:
-    """The T control steps of an episode until its success, or until its end."""
+    """The T steps of an episode until its success, or until its end, without idle ones."""
 
     recording: Recording
     """The episode as far, whose rows `ImageSource` shows."""
+    rows: NDArray[np.int64]
+    """Its row (T,) that was seen before each step."""
+    next_rows: NDArray[np.int64]
+    """Its row (T,) that was seen after each step."""
     observation: dict[str, NDArray[np.float32]]
     """What was seen before each step (T, n), by the names of the environment."""
     action: NDArray[np.float32]
@@ -47,6 +52,7 @@ def transitions(
     reward: str = PROGRESS,
     action_mode: str = JOINT.name,
     object_state: bool = False,
+    choice: RowChoice | None = None,
 ) -> Iterator[Transitions]:
     """Demonstrations of a task as an environment with the same options would have given them.
 
@@ -59,6 +65,8 @@ def transitions(
         reward: What a step pays: "progress", "stage" or "dense".
         action_mode: Mode of the actions.
         object_state: Whether observations hold `environment_state`.
+        choice: Which rows are used; by default all but those in which an operator led nothing and
+            nothing moved.
 
     Yields:
         The steps of an episode.
@@ -75,14 +83,18 @@ def transitions(
         whole = Recording.read(path)
         if whole.info.outcome is None or not whole.info.outcome.kept:
             continue
+        reference = data.reference(whole.info)
         if source is None and (object_state or reward == DENSE):
-            source = ImageSource(data.reference(whole.info), cameras=())
+            source = ImageSource(reference, cameras=())
         played = whole.until(whole.steps)
-        yield _transitions(played, reward, action_mode, source, object_state)
+        steps = used_rows(played, choice or RowChoice(), reference).steps()
+        if len(steps):
+            yield _transitions(played, steps, reward, action_mode, source, object_state)
 
 
 def _transitions(
     recording: Recording,
+    steps: Steps,
     reward: str,
     mode: str,
     source: ImageSource | None,
@@ -94,25 +106,28 @@ def _transitions(
         seen["environment_state"] = np.array(
             [source.objects(recording, row) for row in rows]
         )
-    is_last = np.arange(len(recording)) == len(recording) - 1
-    is_solved = recording.success_step is not None
+    is_last = np.arange(len(steps)) == len(steps) - 1
+    is_solved = is_last & (steps.ends == recording.success_step)
     return Transitions(
         recording=recording,
-        observation={name: rows[:-1] for name, rows in seen.items()},
-        next_observation={name: rows[1:] for name, rows in seen.items()},
-        action=_sent(recording, mode),
-        reward=rewards_of(recording, reward, source),
-        terminated=is_last & is_solved,
-        truncated=is_last & ~np.bool_(is_solved),
+        rows=steps.rows,
+        next_rows=steps.ends,
+        observation={name: rows[steps.rows] for name, rows in seen.items()},
+        next_observation={name: rows[steps.ends] for name, rows in seen.items()},
+        action=_sent(recording, steps, mode),
+        reward=steps.added(rewards_of(recording, reward, source)),
+        terminated=is_solved,
+        truncated=is_last & ~is_solved,
     )
 
 
-def _sent(recording: Recording, mode: str) -> NDArray[np.float32]:
+def _sent(recording: Recording, steps: Steps, mode: str) -> NDArray[np.float32]:
     """The actions (T, m) of a mode that send what was sent."""
     if mode == JOINT_RELATIVE.name:
-        first = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2)).flat
-        changes = np.diff(recording.sent, axis=0, prepend=first[None])
-        changes[:, OPENING_SLOTS] = recording.sent[:, OPENING_SLOTS]
+        home = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2)).flat
+        wanted = recording.sent[steps.rows]
+        changes = wanted - np.vstack([home, recording.sent])[steps.before + 1]
+        changes[:, OPENING_SLOTS] = wanted[:, OPENING_SLOTS]
         return changes.astype(np.float32)
-    labels, _ = labels_of(recording, mode, ActionSource.SENT)
+    labels, _ = labels_of(recording, mode, ActionSource.SENT, steps)
     return LABELS[mode].to_actions(labels)

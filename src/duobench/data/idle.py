@@ -1,0 +1,95 @@
+"""Rows in which an operator led nothing, and nothing moved."""
+
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
+from duobench.data.recording import Recording
+from duobench.data.used_rows import Span
+from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
+from duobench.tasks import catalog
+from duobench.world.sim.simulation import Simulation
+
+STILL = 1e-4
+"""What moves by less is at rest, in metres: a pose in a step, and all through rows that are left
+out, so that none is another one where they are missing."""
+STILL_TOOL = 5e-4
+"""The same of a measured tool, whose joints are noisy."""
+STILL_ANGLE = 1e-3
+"""The same in radians."""
+STILL_OPENING = 5e-3
+"""The same of a measured opening."""
+STILL_TARGET = 1e-5
+"""The same of a commanded target, in radians or as an opening."""
+_QPOS = 1
+"""Place of the first coordinate in a state of the simulation, behind the time."""
+
+
+def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
+    """Which rows of some that follow each other are idle.
+
+    What is seen behind rows that are left out is, within what counts as rest, what was seen where
+    the last one that is used led to; a slow drift keeps as many rows as that needs.
+    """
+    first, end = span
+    seen = _poses(recording, task)
+    judged = np.column_stack(
+        [recording.stage, recording.success, recording.success_at_end]
+    )
+    sent = recording.sent / STILL_TARGET
+    is_led = recording.clutch.any(axis=1) | _asks(recording)
+    is_led |= (judged[1:] != judged[:-1]).any(axis=1)
+    idle = np.zeros(end - first, np.bool_)
+    rest, told = seen[first], sent[first]
+    for row in range(first, end):
+        moved = np.abs(seen[row + 1] - rest).max() > 1.0
+        if is_led[row] or moved or np.abs(sent[row] - told).max() > 1.0:
+            rest, told = seen[row + 1], sent[row]
+        else:
+            idle[row - first] = True
+    return idle
+
+
+def _asks(recording: Recording) -> NDArray[np.bool_]:
+    """Whether actions (T,) ask for a motion by themselves, as relative ones do."""
+    if recording.info.action_mode not in (JOINT_RELATIVE.name, CARTESIAN_RELATIVE.name):
+        return np.zeros(len(recording), np.bool_)
+    sides = recording.action.reshape(len(recording), len(SIDES), -1)
+    return sides[..., :-1].any(axis=(1, 2))
+
+
+def _poses(recording: Recording, task: str) -> Array:
+    """Poses (T + 1, n) in units of what counts as rest.
+
+    They are those of the arms as measured, and of everything where states are known.
+    """
+    joints = np.full(FLAT_SIZE, STILL_ANGLE)
+    joints[list(OPENING_SLOTS)] = STILL_OPENING
+    tools = recording.tcp_pose.reshape(len(recording) + 1, len(SIDES), -1)[..., :3]
+    poses = [
+        recording.agent_pos / joints,
+        tools.reshape(len(recording) + 1, -1) / STILL_TOOL,
+    ]
+    if not recording.info.is_real:
+        units = _units(task)
+        poses.append(recording.state[:, _QPOS : _QPOS + len(units)] / units)
+    return np.hstack(poses)
+
+
+@lru_cache(maxsize=1)
+def _units(task: str) -> Array:
+    """What counts as rest for each coordinate (nq,) of a task's simulation."""
+    model = Simulation(catalog.get(task).props).model
+    units = np.full(model.nq, STILL_ANGLE)
+    for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True):
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            units[place : place + 3] = STILL
+            units[place + 3 : place + 7] = STILL_ANGLE / 2  # of a quaternion
+        elif kind == mujoco.mjtJoint.mjJNT_BALL:
+            units[place : place + 4] = STILL_ANGLE / 2
+        elif kind == mujoco.mjtJoint.mjJNT_SLIDE:
+            units[place] = STILL
+    return units
