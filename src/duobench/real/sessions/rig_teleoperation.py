@@ -125,7 +125,7 @@ class RigTeleoperation(Teleoperation):
         self._judge: HumanJudge = env.get_wrapper_attr("judge")
         self._is_home = self._is_moving = self._has_ended = False
         self._is_stopped = False
-        self._told, self._labels_at_end = "", 0
+        self._told = ""
         self.on_moving: Callable[[], object] = lambda: None
         """Called before arms or fingers move at the operator's word."""
         self.is_led_by_page = False
@@ -396,13 +396,12 @@ class RigTeleoperation(Teleoperation):
 
     def _end(self, note: str) -> None:
         self._judge.end()
-        self._labels_at_end = len(self._judge.labels.all)
         super()._end(note)
 
     def _accept(self) -> None:
         self.env.finish()
         labels = self._judge.labels
-        if self._judge.is_over and len(labels.all) > self._labels_at_end:
+        if labels.all:  # what was taken back, or pressed after the end, counts in all rows
             self.env.correct(labels.changes(), holds=True)
         super()._accept()
 
