@@ -33,7 +33,7 @@ from duobench.teleop.teleoperation import TeleopState
 from duobench.web.server import PageServer
 from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.robot.cameras import POLICY_CAMERAS
-from tests.real.rigs import new_rig, quick_rig
+from tests.real.rigs import new_rig, once_while_homing, quick_rig
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.web.pages import open_page, wait_until
 
@@ -220,21 +220,10 @@ def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
     assert "joint_reflex" in str(episode.info.outcome.reason)
 
 
-def once_while_homing(bench: Bench, act: Callable[[], object]) -> None:
-    """Do something once while the arms go home the next time."""
-    left = [act]
-
-    def look() -> None:
-        if left and bench.duo.supervisor.state is State.HOMING:
-            left.pop()()
-
-    bench.duo.watch_person(look)
-
-
 def test_arms_that_do_not_get_home_are_asked_about_again(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.lead(10)
-    once_while_homing(bench, lambda: bench.duo.hold(CONNECTION_LOST))
+    once_while_homing(bench.duo, lambda: bench.duo.hold(CONNECTION_LOST))
     bench.say("discard")
     assert (bench.session.state, bench.pressed) == (TeleopState.WAITING, "hhp")
     assert CONNECTION_LOST in "".join(bench.terminal.said)
@@ -420,7 +409,7 @@ def test_stop_holds_arms_that_go_home_and_ends_the_session(tmp_path: Path) -> No
     bench = Bench(tmp_path)
     bench.lead(10)
     bench.say("discard", is_ready=False)
-    once_while_homing(bench, bench.session.stop)
+    once_while_homing(bench.duo, bench.session.stop)
     bench.terminal.press("h")
     bench.advance()
     assert bench.duo.held == STOPPED

@@ -401,7 +401,9 @@ class RigTeleoperation(Teleoperation):
     def _accept(self) -> None:
         self.env.finish()
         labels = self._judge.labels
-        if labels.all:  # what was taken back, or pressed after the end, counts in all rows
+        if (
+            labels.all
+        ):  # what was taken back, or pressed after the end, counts in all rows
             self.env.correct(labels.changes(), holds=True)
         super()._accept()
 
