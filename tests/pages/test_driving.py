@@ -42,7 +42,9 @@ def _driver(page: Operated) -> Iterator[None]:
 @pytest.fixture
 def canvas(page: Operated) -> tuple[float, float]:
     """Middle of the scene on the page."""
-    box = page.page.locator("canvas").bounding_box()
+    scene = page.page.locator("canvas")
+    scene.scroll_into_view_if_needed()
+    box = scene.bounding_box()
     assert box
     return box["x"] + MIDDLE[0], box["y"] + MIDDLE[1]
 
@@ -190,15 +192,15 @@ def test_shift_and_the_wheel_turn_it_about_the_line_of_sight(
     np.testing.assert_allclose(turned(samples), [0.05, 0, 0], atol=1e-9)  # the camera looks along x
 
 
-def test_space_makes_every_motion_a_quarter(page: Operated, canvas: tuple[float, float]) -> None:
+def test_c_makes_every_motion_a_quarter(page: Operated, canvas: tuple[float, float]) -> None:
     page.page.mouse.click(*canvas)
-    page.page.keyboard.down(" ")
+    page.page.keyboard.down("c")
     shift, _ = page.motion("right", drag(page, canvas, 100, 0))
     np.testing.assert_allclose(shift, [0, -25 * METRES_A_PIXEL, 0], atol=1e-6)
     np.testing.assert_allclose(pressed(page, "PageUp")[0], [0, 0, 0.00125], atol=1e-9)
     shift, _ = moved(page, lambda: page.page.mouse.wheel(0, 100))
     np.testing.assert_allclose(shift, [-0.005, 0, 0], atol=1e-6)
-    page.page.keyboard.up(" ")
+    page.page.keyboard.up("c")
     shift, _ = page.motion("right", drag(page, canvas, 100, 0))
     np.testing.assert_allclose(shift, [0, -100 * METRES_A_PIXEL, 0], atol=1e-6)
 
@@ -219,17 +221,25 @@ def test_keys_choose_the_arm_and_the_grippers(page: Operated, canvas: tuple[floa
     page.page.keyboard.press("2")
     assert left_arm.get_attribute("aria-pressed") == "false"
     assert page.settle()["left"]["trigger"] == 0
-    page.page.keyboard.press("f")
+    page.page.keyboard.press("g")
     now = page.settle()
     assert (now["left"]["trigger"], now["right"]["trigger"]) == (1, 0)
     assert (now["left"]["squeeze"], now["right"]["squeeze"]) == (0, 0)
-    page.page.keyboard.press("f")
+    page.page.keyboard.press("g")
     assert page.settle()["left"]["trigger"] == 0
     page.page.keyboard.down("j")
     page.page.wait_for_timeout(400)
     assert page.settle()["right"]["trigger"] == 1
     page.page.keyboard.up("j")
     assert page.settle()["right"]["trigger"] == 0
+    for key, trigger in (("c", 0.25), ("c", 0.5), ("Shift", 0.25), ("c", 0.5)):  # by a quarter
+        page.page.keyboard.down(key)
+        page.page.keyboard.press("j")
+        page.page.keyboard.up(key)
+        assert page.settle()["right"]["trigger"] == trigger
+    page.tell(kind="status", state="over")
+    page.tell(kind="status", state="waiting")
+    page.wait(lambda: page.settle()["right"]["trigger"] == 0)
 
 
 def test_grippers_are_open_when_an_episode_waits(
@@ -287,6 +297,8 @@ def test_keep_discard_and_restore_are_said_once(
         page.page.evaluate(f"push({button}, 0)")
         page.settle()
     assert said(page) == [count + 2 for count in before]
+    page.page.keyboard.press("r")
+    page.wait(lambda: page.said("alone") == 1)
 
 
 def test_no_other_key_and_no_other_button_decides(
@@ -317,7 +329,7 @@ def test_messages_say_what_led(page: Operated, canvas: tuple[float, float]) -> N
     assert led_by(page, start) == set()
     start = drag(page, canvas, 20, 0)
     assert led_by(page, start) == {"mouse"}
-    for key in ("ArrowUp", "f", "f"):
+    for key in ("ArrowUp", "g", "g"):
         start = len(page.hands())
         page.page.keyboard.press(key)
         assert led_by(page, start) == {"mouse"}
@@ -378,8 +390,136 @@ def test_a_gamepad_moves_the_arm_that_its_bumpers_choose(page: Operated) -> None
     page.wait(lambda: page.page.evaluate("window.shaken?.duration") == 80)
 
 
+TOOLS = {"left": [0.45, 0.2, 0.1], "right": [0.45, -0.1, 0.1]}
+MIDDLE_Y = 0.05
+
+
+def both(page: Operated, *, mirrored: bool) -> None:
+    """Let one pointer lead both tools, which are where the tests say."""
+    page.tell(kind="status", tools=TOOLS)
+    page.page.keyboard.press("3")
+    button = page.page.get_by_role("button", name="Mirrored")
+    if (button.get_attribute("aria-pressed") == "true") != mirrored:
+        page.page.keyboard.press("m")
+    assert button.get_attribute("aria-pressed") == str(mirrored).lower()
+    page.settle()
+
+
+def motions(page: Operated, key: str) -> dict[str, tuple[list[float], np.ndarray]]:
+    """How far both hands move, and how they turn, by a tap of a key."""
+    start = len(page.hands())
+    page.page.keyboard.press(key)
+    page.wait(lambda: page.settle()["right"]["squeeze"] == 0)
+    found = {}
+    for side in ("left", "right"):
+        shift, samples = page.motion(side, start)
+        found[side] = (shift, turned(samples))
+    return found
+
+
+def test_one_pointer_leads_both_tools_mirrored(page: Operated, canvas: tuple[float, float]) -> None:
+    page.page.mouse.click(*canvas)
+    both(page, mirrored=True)
+    start = drag(page, canvas, 60, -40)
+    right, _ = page.motion("right", start)
+    left, _ = page.motion("left", start)
+    assert right[1] < -0.05 < 0.05 < right[2]
+    np.testing.assert_allclose(left, [right[0], -right[1], right[2]], atol=1e-9)
+    found = motions(page, "q")
+    np.testing.assert_allclose(found["right"][1], [0, 0, 0.05], atol=1e-9)
+    np.testing.assert_allclose(found["left"][1], [0, 0, -0.05], atol=1e-9)
+    assert found["left"][0] == found["right"][0] == [0, 0, 0]
+
+
+def test_both_tools_go_as_if_they_held_one_thing(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    page.page.mouse.click(*canvas)
+    both(page, mirrored=False)
+    for key in ("ArrowLeft", "PageUp"):
+        found = motions(page, key)
+        np.testing.assert_allclose(found["left"][0], found["right"][0], atol=1e-9)
+    page.page.keyboard.down("Shift")
+    found = motions(page, "ArrowRight")  # about the vertical, so that both tools swing
+    page.page.keyboard.up("Shift")
+    for side, (shift, turn) in found.items():
+        arm = np.array(TOOLS[side]) - [0.45, MIDDLE_Y, 0.1]
+        expected = Rotation.from_rotvec(turn).apply(arm) - arm
+        assert np.linalg.norm(shift) > 0.005
+        np.testing.assert_allclose(shift, expected, atol=1e-9)
+    page.page.keyboard.press("m")
+    page.tell(kind="status", tools={})
+
+
+def test_each_stick_leads_its_tool_and_with_b_both_lead_one_thing(page: Operated) -> None:
+    page.tell(kind="status", tools=TOOLS)
+    for button, value in ((4, 1), (5, 1), (4, 0), (5, 0)):
+        page.page.evaluate(f"push({button}, {value})")
+        page.settle()
+    pressed = page.page.get_by_role("button", name="Both arms")
+    assert pressed.get_attribute("aria-pressed") == "true"
+
+    def pushed(*axes: float, held: int | None = None) -> list[list[float]]:
+        """How far both tools go by the sticks."""
+        if held is not None:
+            page.page.evaluate(f"push({held}, 1)")
+        page.settle()
+        start = len(page.hands())
+        page.page.evaluate(f"pad.axes = {list(axes)}")
+        page.page.wait_for_timeout(300)
+        page.page.evaluate("pad.axes = [0, 0, 0, 0]")
+        page.settle()
+        if held is not None:
+            page.page.evaluate(f"push({held}, 0)")
+        squeezed = {message["seq"]: message for message in page.hands()[start:]}
+        poses = [
+            [message[side]["pose"][:3] for message in squeezed.values()]
+            for side in ("left", "right")
+        ]
+        return [
+            [last - first for first, last in zip(each[0], each[-1], strict=True)] for each in poses
+        ]
+
+    left, right = pushed(0, -1, 0, 0)
+    assert left[0] > 0.02
+    assert right == [0, 0, 0]
+    left, right = pushed(0, 0, 0, 1)
+    assert right[0] < -0.02
+    assert left == [0, 0, 0]
+    left, right = pushed(0, -1, 0, 1, held=0)  # with A: up and down
+    assert left[2] > 0.02
+    assert right[2] < -0.02
+    left, right = pushed(1, 0, 0, -1, held=1)  # with B: as one thing
+    assert left[1] < -0.02
+    assert left[2] > 0.02
+    np.testing.assert_allclose(left, right, atol=1e-9)
+    page.tell(kind="status", tools={})
+
+
+def test_a_stick_leads_again_after_the_page_stood_still(page: Operated) -> None:
+    """The arms demand a release after a stall, so the page says one; a held stick must rest."""
+    stall = "const end = performance.now() + 500; while (performance.now() < end);"
+    start = len(page.hands())
+    page.page.evaluate(f"{stall} pad.axes = [0, -1, 0, 0];")
+    page.page.wait_for_timeout(300)
+    after = [message["right"] for message in page.hands()[start:]]
+    squeezes = [hand["squeeze"] for hand in after]
+    first = squeezes.index(1)
+    assert squeezes[first - 1] == 0
+    assert after[first]["pose"] == after[first - 1]["pose"]
+    assert after[-1]["squeeze"] == 1
+    page.page.evaluate(stall)
+    assert page.settle()["right"]["squeeze"] == 0
+    page.page.evaluate("pad.axes = [0, 0, 0, 0]")
+    page.settle()
+    page.page.evaluate("pad.axes = [0, -1, 0, 0]")
+    assert page.settle()["right"]["squeeze"] == 1
+    page.page.evaluate("pad.axes = [0, 0, 0, 0]")
+    page.settle()
+
+
 def test_no_rule_of_accessibility_is_broken(page: Operated) -> None:
-    page.page.evaluate("document.querySelector('details').open = true")
+    assert page.page.evaluate("document.querySelector('details').open")  # until it is folded
     assert broken_rules(page.page) == []
 
 

@@ -189,6 +189,140 @@ def test_a_session_that_is_hidden_or_over_moves_nothing(page: Operated) -> None:
     assert page.page.get_by_role("button", name="Enter VR").is_enabled()
 
 
+def board(page: Operated) -> str:
+    return " ".join(page.page.evaluate("parts.headset.lines"))
+
+
+def hold_trigger(page: Operated, side: str, seconds: float) -> None:
+    page.page.evaluate(f"worn.controllers.{side}.updateButtonValue('trigger', 1)")
+    page.page.wait_for_timeout(1000 * seconds)
+
+
+@pytest.mark.parametrize(("drivers", "word"), [(0, "drive"), (1, "take_over")])
+def test_who_entered_without_the_role_asks_for_it_by_a_trigger(
+    page: Operated, drivers: int, word: str
+) -> None:
+    page.tell(kind="role", role="viewer", drivers=drivers, viewers=1)
+    page.page.get_by_role("button", name="Enter VR").click()
+    page.wait(lambda: page.page.evaluate("eyes.length") > 2)
+    wanted = "take over" if drivers else "do not drive yet"
+    page.wait(lambda: wanted in board(page))
+    hold_trigger(page, "left", 0.5)
+    assert "■" in board(page)
+    page.page.evaluate("worn.controllers.left.updateButtonValue('trigger', 0)")
+    page.wait(lambda: "■" not in board(page))
+    assert page.said(word) == 0
+    hold_trigger(page, "right", 1.0)
+    page.wait(lambda: page.said(word) == 1)
+    page.drive()
+    assert page.settle()["right"]["trigger"] == 0  # what asked closes no gripper
+    assert "do not drive" not in board(page)
+    page.tell(kind="role", role="viewer", drivers=1, viewers=1)  # while it is held on
+    page.wait(lambda: "somebody else drives" in board(page))
+    page.page.wait_for_timeout(1500)
+    assert page.said("take_over") + page.said("drive") == 1
+
+
+def test_a_cut_and_what_became_of_the_role_are_said_on_the_board(page: Operated) -> None:
+    enter(page)
+    press(page, "right", "squeeze", 1)
+    page.page.evaluate("cut()")
+    page.wait(lambda: "Connection lost" in board(page))
+    page.tell(kind="role", role="driver", drivers=1, viewers=0)
+    page.wait(lambda: "Connected again, and you drive" in board(page))
+    page.tell(kind="status", state="recording", clutch={"left": False, "right": True})
+    page.wait(lambda: "Connected" not in board(page))
+    page.page.evaluate("cut()")
+    page.tell(kind="role", role="viewer", drivers=1, viewers=1)
+    page.wait(lambda: "somebody else drives now" in board(page))
+    assert "to take over" in board(page)
+
+
+def test_both_sticks_hold_the_arms(page: Operated) -> None:
+    enter(page)
+    press(page, "left", "thumbstick", 1)
+    assert page.said("hold") == 0
+    press(page, "right", "thumbstick", 1)
+    assert page.said("hold") == 1
+    press(page, "right", "thumbstick", 0)
+    press(page, "left", "thumbstick", 0)
+
+
+# Hands of iwer, whose joints stand where the wrist is put; a grip is middle, ring and little finger
+# of the pose that points.
+BARE = """
+worn.primaryInputMode = "hand";
+const inner = (hand) => Object.getOwnPropertySymbols(hand)
+  .map((symbol) => hand[symbol]).find((each) => each?.poses);
+const at = (pose, joint) => [...pose.jointTransforms[joint].offsetMatrix.slice(12, 15)];
+const holding = /^(middle|ring|pinky)/;
+/** Of two poses one, with fingers of the other, its wrist in the origin. */
+const mixed = (pose, other) => {
+  const [here, there] = [at(pose, "wrist"), at(other, "wrist")];
+  const jointTransforms = {};
+  for (const joint of Object.keys(pose.jointTransforms)) {
+    const [from, wrist] = holding.test(joint) ? [other, there] : [pose, here];
+    const place = at(from, joint).map((value, i) => value - wrist[i]);
+    const offsetMatrix = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, ...place, 1]);
+    jointTransforms[joint] = { offsetMatrix, radius: 0.01 };
+  }
+  return { jointTransforms, gripOffsetMatrix: pose.gripOffsetMatrix };
+};
+const { default: open, pinch, point } = inner(worn.hands.left).poses;
+const poses = {
+  open: { default: mixed(open, open), pinch: mixed(pinch, pinch) },
+  held: { default: mixed(open, point), pinch: mixed(pinch, point) },
+};
+window.shape = (side, isHeld, trigger) => {
+  inner(worn.hands[side]).poses = isHeld ? poses.held : poses.open;
+  worn.hands[side].updatePinchValue(trigger);
+};
+shape("left", false, 0);
+shape("right", false, 0);
+"""
+
+
+def test_bare_hands_lead_hold_and_pinch(page: Operated) -> None:
+    page.page.evaluate(BARE)
+    enter(page)
+    turn = Rotation.from_rotvec([0, 0, 0.7])
+    place(page, "worn.hands.right", in_room([0.5, -0.2, 0.15]), ROOM_FROM_WORLD * turn)
+    page.page.evaluate("shape('right', true, 0)")
+    now = page.settle()
+    np.testing.assert_allclose(now["right"]["pose"][:3], [0.5, -0.2, 0.15], atol=1e-4)
+    w, x, y, z = now["right"]["pose"][3:]
+    assert (Rotation.from_quat([x, y, z, w]) * turn.inv()).magnitude() < 1e-3
+    assert (now["right"]["squeeze"], now["right"]["trigger"]) == (1, 0)
+    assert (now["left"]["squeeze"], now["left"]["trigger"]) == (0, 0)
+    page.tell(kind="status", state="waiting")
+    page.wait(lambda: "little finger" in board(page))
+    page.page.evaluate("shape('right', true, 1)")
+    now = page.settle()
+    assert (now["right"]["squeeze"], now["right"]["trigger"]) == (1, 1)
+    page.page.evaluate("shape('right', true, 0.6)")
+    assert 0.1 < page.settle()["right"]["trigger"] < 0.9
+    page.page.evaluate("worn.hands.right.connected = false")
+    page.wait(lambda: page.settle()["right"] is None)
+
+
+def test_bare_hands_judge_by_a_long_pinch(page: Operated) -> None:
+    page.page.evaluate(BARE)
+    enter(page)
+    page.page.evaluate("shape('right', false, 1)")
+    page.page.wait_for_timeout(1500)
+    page.tell(kind="status", state="decide")
+    page.wait(lambda: "right hand keeps" in board(page))
+    page.page.wait_for_timeout(1500)
+    assert page.said("keep") == 0  # it was pinched before it was asked
+    page.page.evaluate("shape('right', false, 0)")
+    page.settle()
+    page.page.evaluate("shape('right', false, 1)")
+    page.wait(lambda: page.said("keep") == 1)
+    page.page.evaluate("shape('right', false, 0); shape('left', false, 1)")
+    page.wait(lambda: page.said("discard") == 1)
+    assert page.said("keep") == 1
+
+
 @pytest.fixture(scope="module")
 def scene() -> dict[str, bytes]:
     """A task as it begins, as the server gives it to a page."""

@@ -11,7 +11,16 @@ from playwright.sync_api import Browser, Page
 from dev.tools.pages import PHONE, View
 from duobench.evaluation.replay.viewer import Command, SeekStep, SelectItem, SetPlaying
 from duobench.tasks import get
-from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, Restore
+from duobench.teleop.messages import (
+    Alone,
+    Discard,
+    Hands,
+    Instruction,
+    Keep,
+    Message,
+    Operator,
+    Restore,
+)
 from duobench.teleop.teleoperation import AWAY
 from duobench.web import access
 from duobench.web.geometry import Geometry
@@ -35,12 +44,12 @@ STATUS = {
     "step": 4,
     "steps": 30,
     "state": "paused",
-    "items": [
-        {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
-        {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
-    ],
     "selected": "a",
 }
+ITEMS = [
+    {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
+    {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
+]
 
 DRIVEN = STATUS | {"steps": None, "clutch": {"left": False, "right": False}, "state": "waiting"}
 
@@ -57,6 +66,7 @@ class Shown:
         self.asked: list[PageMessage] = []
         self.server.listen(Command | Message, self.asked.append)
         self.server.publish_scene(self.geometry.name, self.geometry.data)
+        self.server.publish_items(ITEMS)
         self.server.publish_status(STATUS)
         self.frame(4)
 
@@ -172,6 +182,31 @@ def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) ->
     wait_for(page, shown, Instruction("Pass it on."))
 
 
+def test_the_operator_is_chosen_on_the_page_and_takes_the_name_along(
+    page: Page, window: Browser, shown: Shown
+) -> None:
+    people = {"operator": "P07", "operators": ["P07", "P09"], "wording": "Pass it on."}
+    shown.server.publish_status(DRIVEN | people)
+    page.get_by_role("button", name="Drive").click()
+    until(page, "document.querySelector('.role').textContent == 'You drive as P07'")
+    assert page.locator("#wording input").input_value() == "Pass it on."
+    names = page.locator("#operators option").evaluate_all("(all) => all.map((one) => one.value)")
+    assert names == ["P07", "P09"]
+    with opened(window, shown.server.url) as other:
+        box = other.get_by_label("Pseudonym of the operator")
+        assert box.input_value() == "P07"
+        box.fill("P08")
+        other.keyboard.press("Enter")
+        assert broken_rules(other) == []
+        assert not any(isinstance(each, Operator) for each in shown.asked), "it only watches"
+        other.get_by_role("button", name="Take over").click()
+        wait_for(other, shown, Operator("P08"))
+        shown.server.publish_status(DRIVEN | people | {"operator": "P08"})
+        until(page, "document.querySelector('.role').textContent.startsWith('Somebody drives as')")
+        page.get_by_role("button", name="Take over").click()
+        wait_for(page, shown, Operator("P07"))
+
+
 _MODULE = "text/javascript"
 _INPUTS = """export const startInputs = () => ({
   headset: { isWorn: false }, hands: { latency: { ms: null, arrived() {}, drawn() {} } } });"""
@@ -211,6 +246,25 @@ def test_a_recording_that_waits_says_so_and_may_be_discarded(page: Page, shown: 
     assert broken_rules(page) == []
     page.get_by_role("button", name="Discard").click()
     wait_for(page, shown, Discard())
+
+
+def test_page_says_that_the_world_stands_and_lets_it_run_alone(page: Page, shown: Shown) -> None:
+    led = DRIVEN | {"state": "recording", "pace": "led", "led_s": 34.6, "limit_s": 600.0}
+    shown.server.publish_status(led)
+    page.get_by_role("button", name="Drive").click()
+    page.get_by_text("Recording", exact=True).wait_for()
+    facts = str(page.locator(".facts").text_content())
+    assert "Led34 of 600 sWorldruns as you lead" in facts
+    shown.server.publish_status(led | {"pace": "standing"})
+    page.get_by_text("Standing still: lead on", exact=True).wait_for()
+    button = page.get_by_role("button", name="Run alone")
+    assert button.get_attribute("aria-pressed") == "false"
+    assert broken_rules(page) == []
+    button.click()
+    wait_for(page, shown, Alone())
+    shown.server.publish_status(led | {"pace": "alone", "alone": True})
+    page.wait_for_selector("#alone[aria-pressed=true]")
+    assert broken_rules(page) == []
 
 
 def test_what_was_discarded_is_restored_by_a_button(page: Page, shown: Shown) -> None:

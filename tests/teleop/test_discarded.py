@@ -52,7 +52,7 @@ def test_what_is_restored_has_the_bytes_of_what_was_kept(tmp_path: Path) -> None
     kept.say("keep")
     restored.say("discard")
     assert files(tmp_path / "restored") == {}
-    restored.say("restore")
+    restored.bring_back()
     for one in (kept, restored):
         assert (one.session.kept, one.status("count")) == (1, 1)
         one.session.close()
@@ -70,6 +70,8 @@ def test_a_take_that_ran_comes_back_cut_where_it_was_discarded(tmp_path: Path) -
     take(restored, 3)
     restored.say("restore")
     assert restored.state is TeleopState.RECORDING, "what goes on goes on"
+    restored.say("discard")
+    restored.say("keep")
     assert files(tmp_path / "restored") == files(tmp_path / "kept")
     for one in (kept, restored):
         one.session.close()
@@ -84,7 +86,7 @@ def test_the_last_discarded_comes_back_first_and_nothing_comes_of_nothing(
         take(desk, steps)
         desk.say("discard")
     for number, left in ((2, 2), (1, 1), (0, 0)):
-        desk.say("restore")
+        desk.bring_back()
         assert (min(files(tmp_path)), desk.status("discarded")) == (f"{number:05d}", left)
     assert [len(each) for each in desk.recordings()] == [4, 5, 6]
     assert desk.session.kept == 3
@@ -109,7 +111,7 @@ def test_what_a_killed_session_has_discarded_is_offered_to_the_next(tmp_path: Pa
     killed.session.env.discard()
     after = Desk(tmp_path)
     assert (after.status("discarded"), after.status("count")) == (1, 1)
-    after.say("restore")
+    after.bring_back()
     assert list(files(tmp_path)) == ["00000"]
     after.session.close()
 
@@ -133,10 +135,9 @@ def test_an_episode_is_not_restored_over_another(desk: Desk, tmp_path: Path) -> 
     place = DataSet(tmp_path).episode(TASK, "00000")
     place.parent.mkdir(parents=True, exist_ok=True)
     place.write_bytes(b"another")
-    take(desk, 3)
-    desk.say("restore")
-    assert "never overwritten" in desk.session.note
-    assert (desk.state, desk.status("discarded")) == (TeleopState.RECORDING, 1)
+    notes = desk.bring_back()
+    assert "never overwritten" in notes
+    assert (desk.state, desk.status("discarded")) == (TeleopState.WAITING, 1)
     assert place.read_bytes() == b"another"
     place.unlink()
 
@@ -145,7 +146,7 @@ def test_a_session_is_over_when_what_it_wanted_is_restored(tmp_path: Path) -> No
     desk = Desk(tmp_path, episodes=1)
     take(desk)
     desk.say("discard")
-    desk.say("restore")
+    desk.bring_back()
     assert (desk.state, desk.session.kept) == (TeleopState.OVER, 1)
     desk.session.close()
     assert list(files(tmp_path)) == ["00000"]
@@ -170,9 +171,50 @@ def test_every_take_is_counted_and_layouts_that_were_given_up_are_named(tmp_path
     assert again.status("count") == 4, "it goes on with the next layout"
     take(again)
     again.say("discard")
-    again.say("restore")
+    again.bring_back()
     again.session.close()
     assert tried(tmp_path) == [*expected, (4, True, None)]
+
+
+def test_restoring_brings_back_the_question_and_not_the_answer(desk: Desk, tmp_path: Path) -> None:
+    take(desk)
+    desk.say("discard")
+    desk.say("restore")
+    assert (desk.state, desk.status("may_keep"), desk.status("discarded")) == (
+        TeleopState.DECIDE,
+        True,
+        0,
+    )
+    assert desk.status("note") == "Keep episode 00000 (0.2 s, stage 0 of 3), or discard it again?"
+    desk.send(left=1, right=1, turns=5)
+    assert (files(tmp_path), desk.session.kept) == ({}, 0), "nothing is kept unasked"
+    desk.say("discard")
+    assert (desk.state, desk.status("count")) == (TeleopState.WAITING, 1), "no layout is lost"
+    assert tried(tmp_path) == [(0, False, DISCARDED)]
+    assert desk.status("discarded") == 1, "it can be restored again"
+
+
+def test_a_restored_take_is_asked_about_when_what_runs_is_decided(tmp_path: Path) -> None:
+    """Also if that is the last one that is wanted: nothing that was asked back goes away."""
+    desk = Desk(tmp_path, episodes=1)
+    take(desk)
+    desk.say("discard")
+    take(desk, 4)
+    desk.say("restore")
+    desk.rise(2)
+    assert desk.state is TeleopState.RECORDING
+    assert "once this one is over" in desk.status("note")
+    desk.session._end("Time is up.")
+    desk.say("keep")
+    assert (desk.state, desk.session.kept) == (TeleopState.DECIDE, 1)
+    assert "Keep episode 00000" in desk.status("note")
+    desk.say("restore")
+    assert "Keep episode 00000" in desk.status("note"), "nothing comes of nothing"
+    desk.say("keep")
+    assert (desk.state, desk.session.kept) == (TeleopState.OVER, 1), "of the one layout"
+    desk.session.close()
+    assert tried(tmp_path) == [(0, True, None), (1, True, None)]
+    assert sorted(files(tmp_path)) == ["00000", "00001"]
 
 
 @pytest.mark.long
@@ -199,8 +241,10 @@ def test_a_thousand_taps_destroy_no_row(tmp_path: Path) -> None:
         assert seen <= (seen := {path.stem for path in _all(tmp_path)})
     assert takes > TAPS // 10
     before = {path.stem: path.read_bytes() for path in _all(tmp_path)}
+    while desk.state is TeleopState.DECIDE:
+        desk.say("discard")
     while desk.status("discarded"):
-        desk.say("restore")
+        desk.bring_back()
     assert files(tmp_path) == before
     assert len(before) == takes
     desk.session.close()

@@ -151,7 +151,7 @@ def test_what_is_no_message_is_refused_and_the_session_lives(session: Teleoperat
             page.say(**bad)
             assert page.hear_of("refused")["reason"]
         driver.send(squeeze=0)
-        page.hear_of("status", note="Squeeze a clutch to begin.")
+        page.hear_of("status", note="Lead a tool to begin.")
 
 
 def test_nothing_is_computed_while_nobody_looks(

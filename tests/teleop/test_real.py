@@ -143,6 +143,51 @@ def test_hands_lead_real_arms_and_who_leads_says_that_it_is_solved(tmp_path: Pat
 
 
 @pytest.mark.slow
+def test_arms_hold_unrecorded_while_nobody_leads_and_go_on_at_once(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, episodes=1)
+    clock = bench.duo.clock
+    bench.lead(20)
+    for _ in range(93):  # as long as something may still move
+        bench.send()
+    session, step = bench.session, bench.session.status()["step"]
+    there, began = bench.duo.read().joints, clock.now()
+    while clock.now() < began + 40.0:  # longer than arms hold that are told nothing
+        bench.send()
+    assert (session.state, session.status()["pace"]) == (TeleopState.RECORDING, "standing")
+    assert (session.status()["step"], bench.duo.held) == (step, None)
+    assert bench.duo.supervisor.state is State.RUNNING
+    assert np.abs(bench.duo.read().joints - there).max() < 1e-3
+    for _ in range(10):
+        bench.send(1.0)
+    assert session.status()["step"] == step + 10
+    bench.say("keep")
+    for _ in range(10):
+        bench.send(1.0)
+    session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    periods = np.diff(episode.time)
+    assert np.flatnonzero(periods > 0.05).tolist() == [step - 1]
+    assert periods.max() > 40.0
+    for video in episode.info.videos.values():
+        assert video.frames is not None
+        assert len(episode) <= video.frames < len(episode) + 10
+    assert find_problems(DataSet(tmp_path)) == []
+
+
+def test_arms_that_are_held_while_nobody_leads_end_the_episode(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.lead(5)
+    for _ in range(100):
+        bench.send()
+    assert bench.session.status()["pace"] == "standing"
+    bench.duo.hold(HELD_BY_OPERATOR)
+    bench.send()
+    assert bench.session.state is TeleopState.DECIDE
+    assert HELD_BY_OPERATOR in bench.session.note
+    bench.session.close()
+
+
+@pytest.mark.slow
 def test_rows_begin_when_the_operator_does(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     clock = bench.duo.clock
@@ -167,6 +212,9 @@ def test_a_discarded_episode_comes_back_with_its_videos(tmp_path: Path) -> None:
     bench.lead(5)
     bench.say("restore")
     assert bench.session.state is TeleopState.RECORDING
+    bench.say("discard")
+    assert bench.session.state is TeleopState.DECIDE, "asked before the arms go home"
+    bench.say("keep")
     (path,) = data.episodes()
     assert {video.name for video in data.videos()} >= {
         f"{path.stem}.{camera}.mp4" for camera in POLICY_CAMERAS
@@ -230,6 +278,7 @@ def test_arms_that_do_not_get_home_are_asked_about_again(tmp_path: Path) -> None
     (attempt,) = of_task(DataSet(tmp_path), TASK)
     assert attempt.episode == 0, "the way home is no attempt"
     bench.say("restore")  # what was discarded before is still there
+    bench.say("keep")
     assert len(DataSet(tmp_path).episodes()) == 1
     bench.session.close()
 

@@ -10,15 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from duobench.cli.shared.leading import LeadingOptions
 from duobench.core.errors import OptionError
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.data import Actor, ActorKind, DataSet, Recording
+from duobench.envs.sim_env import sim_of
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.teleoperation import (
     LIMIT,
     LOSS,
+    TIME_LIMIT_S,
     Teleoperation,
     TeleopState,
     make_recorder,
@@ -86,6 +89,14 @@ class Desk:
         self.session.receive(said(json.dumps({"kind": kind, **fields})), self.now)
         self.wait()
 
+    def bring_back(self) -> str:
+        """Restore what was discarded last, and keep it; what the session says then."""
+        self.say("restore")
+        assert self.state is TeleopState.DECIDE
+        self.session.receive(said('{"kind": "keep"}'), self.now)
+        self.session._handle()
+        return self.session.note
+
     def leave(self) -> None:
         self.session.leave(self.now)
 
@@ -142,7 +153,7 @@ def test_nothing_moves_before_both_hands_were_open_and_one_is_squeezed(desk: Des
     desk.send(trigger=1.0)
     assert "Open both hands" in session.note
     desk.send()
-    assert "Squeeze" in session.note
+    assert session.note == "Lead a tool to begin."
     assert session.env.state_hash() == start
     assert desk.status("clutch") == NEITHER
     desk.send(right=1)
@@ -253,6 +264,78 @@ def test_a_pause_leaves_no_gap(desk: Desk) -> None:
     assert len(recording) == 7
     np.testing.assert_allclose(np.diff(recording.time), 1 / CONTROL_HZ)
     assert recording.clutch[1:].tolist() == 3 * [[False, False], [True, False]]
+
+
+def test_the_world_stands_still_while_nobody_leads_and_goes_on_without_a_jump(desk: Desk) -> None:
+    desk.begin()
+    desk.rise(30)
+    led = desk.status("step")
+    desk.send(turns=90)
+    stood = desk.status("step")
+    assert led + 15 <= stood <= led + 60
+    before, there = desk.session.env.state_hash(), desk.tools()
+    desk.send(shift=3 * UP, turns=300)
+    assert (desk.status("pace"), desk.status("step")) == ("standing", stood)
+    assert (desk.state, desk.status("led_s")) == (TeleopState.RECORDING, round(stood / 30, 1))
+    assert desk.session.env.state_hash() == before
+    desk.send(left=1, right=1, shift=3 * UP, turns=10)
+    assert (desk.status("pace"), desk.status("step")) == ("led", stood + 10)
+    assert desk.is_at(there, 1e-4)
+    desk.session.close()
+    (recording,) = desk.recordings()
+    np.testing.assert_allclose(np.diff(recording.time), 1 / CONTROL_HZ)
+
+
+def test_the_world_runs_alone_at_the_operators_word(desk: Desk) -> None:
+    desk.say("alone")
+    assert not desk.status("alone"), "nothing runs before the episode"
+    desk.begin()
+    desk.send(turns=60)
+    assert desk.status("pace") == "standing"
+    step = desk.status("step")
+    desk.say("alone")
+    desk.send(turns=30)
+    assert (desk.status("pace"), desk.status("step")) == ("alone", step + 31)
+    desk.say("alone")
+    desk.send(turns=30)
+    assert (desk.status("alone"), desk.status("step")) == (False, step + 31)
+
+
+def test_a_trigger_leads_its_gripper_while_the_clutch_is_open(desk: Desk) -> None:
+    desk.begin()
+    desk.send(turns=60)
+    step = desk.status("step")
+    desk.send(trigger=1.0, turns=90)
+    assert desk.status("step") > step + 20
+    assert max(desk.session.env.base.backend.read().openings) < 0.1
+    assert desk.status("pace") == "standing"
+
+
+def test_what_falls_is_recorded_until_it_rests(desk: Desk) -> None:
+    desk.begin()
+    simulation = sim_of(desk.session.env).simulation
+    simulation.place("pot", simulation.pose("pot").moved(z=0.3))
+    simulation.forward()
+    step = desk.status("step")
+    desk.send(turns=100)
+    assert step + 20 < desk.status("step") <= step + 91
+    assert simulation.is_settled
+
+
+def test_the_end_of_the_time_is_said_before_it_comes(tmp_path: Path) -> None:
+    desk = Desk(tmp_path, time_limit_s=11.0)
+    desk.begin()
+    desk.send(left=1, right=1, turns=28)
+    assert (desk.status("limit_s"), desk.status("note")) == (11.0, "")
+    desk.send(left=1, right=1)
+    assert "10 s are left" in desk.status("note")
+    desk.send(turns=1000)
+    assert desk.state is TeleopState.RECORDING, "thinking is not counted"
+    desk.send()
+    desk.send(left=1, right=1, turns=300)
+    assert desk.state is TeleopState.DECIDE
+    assert "Time is up" in desk.status("note")
+    desk.session.close()
 
 
 def test_a_gripper_follows_its_trigger_once_it_was_moved(desk: Desk) -> None:
@@ -385,7 +468,7 @@ def test_the_device_is_what_the_page_led_with(
         desk.send(left=1, right=1, devices=devices)
     desk.say("discard")
     desk.send(left=1, devices=("headset",))
-    desk.say("restore")
+    desk.bring_back()
     (recording,) = desk.recordings()
     assert recording.info.actor == replace(PERSON, device=expected)
 
@@ -395,7 +478,7 @@ def test_a_device_that_led_before_is_not_that_of_the_next_episode(desk: Desk) ->
         desk.send()
         desk.send(left=1, right=1, devices=devices)
         desk.say("discard")
-        desk.say("restore")
+        desk.bring_back()
     assert [each.info.actor.device for each in desk.recordings()] == ["headset", "gamepad"]
 
 
@@ -451,8 +534,10 @@ def test_a_session_says_what_it_needs() -> None:
     with pytest.raises(OptionError, match="at least one episode"):
         Teleoperation(env, HandDevice(), episodes=0)
     env.close()
-    with pytest.raises(OptionError, match="at least one control step"):
-        make_recorder(TASK, None, PERSON, time_limit_s=0.0)
+    for limit_s in (0.0, -1.0, math.inf, math.nan):
+        with pytest.raises(OptionError, match="at least one control step"):
+            make_recorder(TASK, None, PERSON, time_limit_s=limit_s)
+    assert LeadingOptions().limit == TIME_LIMIT_S
 
 
 def test_a_killed_session_leaves_an_episode_that_can_be_recovered(desk: Desk) -> None:

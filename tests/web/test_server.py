@@ -292,6 +292,38 @@ def test_one_drives_and_others_watch(server: PageServer) -> None:
         first.drive(viewers=0)
 
 
+def named(server: PageServer, name: str) -> str:
+    """Query of a page by which its server knows it again."""
+    return f"{token_of(server)}&page={name}"
+
+
+@pytest.mark.parametrize("is_silent", [False, True], ids=["closed", "cut without a goodbye"])
+def test_a_page_that_was_cut_off_drives_again_unless_another_one_did(
+    server: PageServer, is_silent: bool
+) -> None:
+    lost: list[bool] = []
+    server.listen(None, lambda _message: None, lost.append)
+    with open_page(server.url) as other:
+        with open_page(server.url, query=named(server, "a")) as page:
+            page.drive()
+            if is_silent:  # the server has not noticed it
+                with open_page(server.url, query=named(server, "a")) as again:
+                    again.hear_of("role", role="driver", viewers=1)
+                    assert lost == [False]
+                    with pytest.raises(ConnectionClosed):
+                        page.hear_of("pong")
+        wait_until(lambda: lost == ([False, False] if is_silent else [False]))
+        with open_page(server.url, query=named(server, "b")) as stranger:
+            assert stranger.hear_of("role")["role"] == "viewer"
+        with open_page(server.url, query=named(server, "a")) as page:
+            page.hear_of("role", role="driver")
+        other.drive(viewers=0)
+    with open_page(server.url, query=named(server, "a")) as page:
+        assert page.hear_of("role")["role"] == "viewer"  # another one drove meanwhile
+    with open_page(server.url) as nameless:  # a program is nobody's page
+        assert nameless.hear_of("role")["role"] == "viewer"
+
+
 # --- what is shown -------------------------------------------------------------------------------
 
 

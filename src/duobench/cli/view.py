@@ -47,7 +47,11 @@ def run(
             time that is left, and every finished episode; at its end the page shows the report.
     """
     load_engine()
-    from duobench.evaluation.replay.sources import FollowedRun, open_view
+    from duobench.evaluation.replay.sources import (
+        DataSource,
+        FollowedRun,
+        open_view,
+    )
     from duobench.evaluation.replay.viewer import Viewer
 
     view = None if camera is None else view_from(read_camera(camera))
@@ -69,7 +73,10 @@ def run(
             source = run = FollowedRun(
                 folder, server, look, tasks, import_tasks=import_tasks, view=view
             )
-        viewer = Viewer(source, server, run and run.refresh)
+        refresh = (
+            source.refresh if isinstance(source, DataSource | FollowedRun) else None
+        )
+        viewer = Viewer(source, server, refresh)
         with stopping(viewer.stop):
             say(f"Open {server.url}\nCtrl-C ends it.")
             viewer.run()

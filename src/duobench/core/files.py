@@ -58,6 +58,8 @@ SCRATCH = ".duobench-"
 """Prefix of folders for temporary files, which may have to lie in an output."""
 
 _ZIP_DATE, _ZIP_UNIX, _ZIP_MODE = (1980, 1, 1, 0, 0, 0), 3, stat.S_IFREG | 0o644
+LOG_WAIT_S = 5.0
+"""Seconds that a writer of a log waits for another one."""
 _LOCK_TURN_S = 0.05
 """Seconds from one look at a lock that another process holds to the next."""
 _GONE = (errno.ENOENT, errno.ENOTDIR, errno.ESTALE)
@@ -256,6 +258,26 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
+
+
+def append_line(path: Path, line: bytes, *, wait_s: float = LOG_WAIT_S) -> None:
+    """Append a line to a log that other processes write too; it is on the disk when this returns.
+
+    A missing log is made. Half a line that a killed process left stays a line of its own.
+
+    Raises:
+        OutputError: It cannot be written, or another process writes for longer than `wait_s`.
+    """
+    with writing(path), path.open("a+b", buffering=0) as file:
+        lock(file.fileno(), path, wait_s=wait_s)
+        end = file.seek(0, os.SEEK_END)
+        file.seek(max(0, end - 1))
+        begin = b"" if file.read(1) in {b"", b"\n"} else b"\n"
+        text = begin + line + b"\n"
+        if file.write(text) != len(text):  # there is no room for the rest
+            file.truncate(end)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.fsync(file.fileno())
 
 
 def remove_temporary(folder: Path) -> None:

@@ -75,7 +75,7 @@ def hypot(*parts: Any) -> Any:
 
 def matrix_from_wxyz(wxyz: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of a unit quaternion in w x y z order."""
-    w, x, y, z = (float(v) for v in np.asarray(wxyz))
+    w, x, y, z = np.asarray(wxyz).tolist()
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -91,21 +91,27 @@ def wxyz_from_matrix(matrix: ArrayLike) -> Array:
     The largest of the four squared components is computed first (Shepperd's method), so that no
     division by a small number happens.
     """
-    m = np.asarray(matrix, dtype=np.float64)
-    squares = np.array([m.trace(), m[0, 0], m[1, 1], m[2, 2]])
-    largest = int(squares.argmax())
-    if largest == 0:
-        q = [1 + m.trace(), m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]]
+    # In Python's floats, which are faster than arrays of three.
+    m = np.asarray(matrix, dtype=np.float64).tolist()
+    diagonal = [m[0][0], m[1][1], m[2][2]]
+    trace = diagonal[0] + diagonal[1] + diagonal[2]
+    largest = max(diagonal)
+    if trace >= largest:
+        q = [
+            1 + trace,
+            m[2][1] - m[1][2],
+            m[0][2] - m[2][0],
+            m[1][0] - m[0][1],
+        ]
     else:
-        i = largest - 1
+        i = diagonal.index(largest)
         j, k = (i + 1) % 3, (i + 2) % 3
-        q = [m[k, j] - m[j, k], 0.0, 0.0, 0.0]
-        q[1 + i] = 1 + m[i, i] - m[j, j] - m[k, k]
-        q[1 + j] = m[j, i] + m[i, j]
-        q[1 + k] = m[k, i] + m[i, k]
-    quat = np.array(q)
-    quat /= length(quat)
-    return -quat if quat[0] < 0 else quat
+        q = [m[k][j] - m[j][k], 0.0, 0.0, 0.0]
+        q[1 + i] = 1 + m[i][i] - m[j][j] - m[k][k]
+        q[1 + j] = m[j][i] + m[i][j]
+        q[1 + k] = m[k][i] + m[i][k]
+    quat = np.array(q) / math.sqrt(sum_of_products(q, q))
+    return -quat if q[0] < 0 else quat
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,17 +150,18 @@ class SE3:
         Raises:
             ValueError: The quaternion has no length, so it names no orientation.
         """
-        quat = np.asarray(wxyz, dtype=np.float64)
-        norm = length(quat)
+        quat = np.asarray(wxyz, dtype=np.float64).tolist()
+        norm = math.sqrt(sum_of_products(quat, quat))
         if not norm > 0.0:
             raise ValueError(f"A quaternion of length {norm:g} names no orientation.")
-        return SE3(matrix_from_wxyz(quat / norm), np.asarray(translation))
+        unit = [part / norm for part in quat]
+        return SE3(matrix_from_wxyz(unit), np.asarray(translation))
 
     @staticmethod
     def from_tquat(tquat: ArrayLike) -> SE3:
         """Transform from seven numbers x y z qx qy qz qw; see `from_wxyz` for what is rejected."""
-        t = np.asarray(tquat, dtype=np.float64)
-        return SE3.from_wxyz(t[[6, 3, 4, 5]], t[:3])
+        x, y, z, qx, qy, qz, qw = np.asarray(tquat, dtype=np.float64).tolist()
+        return SE3.from_wxyz((qw, qx, qy, qz), (x, y, z))
 
     @property
     def wxyz(self) -> Array:

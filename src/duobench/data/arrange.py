@@ -1,6 +1,7 @@
 """Data sets out of data sets: several merged into one, one split into two.
 
-Files are copied as they are, with the videos beside them. What cannot be done is found out before
+Files are copied as they are, with the videos beside them, and with what was said about them at a
+second look. What cannot be done is found out before
 the first copy, and what was interrupted goes on when it is called again.
 """
 
@@ -50,6 +51,7 @@ def merge(
     target = DataSet.open(out, how=f"merged from {len(sources)} data sets")
     with locked(target.path):
         plan: dict[Path, Path] = {}
+        copies: list[tuple[Path, Path]] = []
         clashes = []
         for path in chain.from_iterable(source.episodes() for source in sources):
             _check_whole(path)
@@ -59,12 +61,14 @@ def merge(
             if not _may_be(path, place, plan):
                 clashes.append(f"{place.parent.name}/{place.stem}")
             plan.setdefault(place, path)
+            copies.append((path, place))
         if clashes:
             names = "name stands" if len(clashes) == 1 else "names stand"
             raise NamesTakenError(
                 f"{len(clashes)} {names} for different episodes, such as {clashes[0]}."
             )
         _copy(plan)
+        target.reviews.take_over(copies)
     return len(plan)
 
 
@@ -114,14 +118,17 @@ def split(
     )
     how = f"split by {'tasks' if fraction is None else f'fraction {fraction}, seed {seed}'}"
     plans: list[dict[Path, Path]] = []
+    targets: list[DataSet] = []
     with ExitStack() as stack:
         for folder, is_first in ((first, True), (second, False)):
             target = DataSet.open(folder, how=how)
             stack.enter_context(locked(target.path))
             paths = [path for path in data.episodes() if (path in chosen) is is_first]
             plans.append(_part(paths, target))
-        for plan in plans:
+            targets.append(target)
+        for target, plan in zip(targets, plans, strict=True):
             _copy(plan)
+            target.reviews.take_over((path, place) for place, path in plan.items())
     return len(plans[0]), len(plans[1])
 
 

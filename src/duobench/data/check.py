@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from duobench.core.versions import package_versions
 from duobench.data.attempts import ATTEMPTS, RUN, compared
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.recording import Recording
+from duobench.data.reviews import REVIEWS
 from duobench.data.schema import COLUMNS, VideoFacts, steps_after_success, video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.data.videos import describe
@@ -58,7 +59,8 @@ def find_problems(
     and its outcome must agree with them. It must begin with the layout of its seed and split and
     with the state of its first hash, bit for bit. Every video must belong to an episode, every
     episode must have its videos, and these must be unchanged and hold the frames that its rows
-    name. Only an action replay shows that the last state follows from the commands.
+    name. What was said at a second look must be about episodes that are there. Only an action
+    replay shows that the last state follows from the commands.
 
     Args:
         data: The data set.
@@ -77,7 +79,7 @@ def find_problems(
         for video in data.videos()
         if not _has_episode(video)
     ]
-    problems += [*_compared(data), *_copies(data)]
+    problems += [*_compared(data), *_copies(data), *_reviewed(data)]
     paths = data.episodes()
     progress(0, len(paths))
     with closing(run_all(partial(_checker, data), paths, workers)) as results:
@@ -121,6 +123,43 @@ def _copies(data: DataSet) -> Iterator[Problem]:
             if other is not path:
                 yield Problem(
                     path=path, what=f"It is a copy of {other.relative_to(data.path)}."
+                )
+
+
+def _reviewed(data: DataSet) -> Iterator[Problem]:
+    """Find lines of the second look that cannot be read, or that hold for no recording here."""
+    try:
+        reviews = data.reviews
+    except FileError as error:
+        yield Problem(path=data.path / REVIEWS, what=str(error))
+        return
+    for number, why in reviews.unreadable.items():
+        yield Problem(
+            path=reviews.path,
+            what=f"Line {number} cannot be read and counts for nothing, as half a line after a "
+            f"kill: {why}.",
+        )
+    for name in sorted({review.episode for review in reviews.reviews}):
+        task, _, stem = name.partition("/")
+        path = data.episode(task, stem)
+        if not path.exists():
+            yield Problem(
+                path=reviews.path, what=f"It speaks of {name}, which is missing."
+            )
+            continue
+        with suppress(DataError):  # which is found elsewhere
+            if not reviews.about(path):
+                yield Problem(
+                    path=reviews.path,
+                    what=f"What it says about {name} was said about another recording of that "
+                    "name, and counts for nothing.",
+                )
+            rows = reviews.of(path).rows
+            length = Recording.read_length(path)
+            if rows is not None and rows[1] > length:
+                yield Problem(
+                    path=reviews.path,
+                    what=f"It names row {rows[1]} of {name}, whose last one is {length}.",
                 )
 
 

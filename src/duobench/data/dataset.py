@@ -21,6 +21,7 @@ from duobench.core.randomness import SUITE_VERSION
 from duobench.core.versions import package_versions
 from duobench.data import stream
 from duobench.data.recording import Recording
+from duobench.data.reviews import Reviews
 from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.tasks import catalog
 
@@ -168,6 +169,11 @@ class DataSet:
         """Read one episode after the other; a `DataError` names the file that cannot be read."""
         return map(Recording.read, self.episodes(task))
 
+    @property
+    def reviews(self) -> Reviews:
+        """What was said later about its recordings, read now; see `Reviews`."""
+        return Reviews(self.path)
+
     def videos(self) -> list[Path]:
         """Videos beside the files of episodes, finished or not, sorted by task and name."""
         return self._files(VIDEO_SUFFIX)
@@ -202,7 +208,8 @@ class DataSet:
 
     def kept(self, task: str) -> int:
         """Number of kept finished episodes of a task."""
-        outcomes = (Recording.read_info(path).outcome for path in self.episodes(task))
+        reviews = self.reviews
+        outcomes = (reviews.read_info(path).outcome for path in self.episodes(task))
         return sum(outcome is not None and outcome.kept for outcome in outcomes)
 
     def next_number(self, task: str) -> int:

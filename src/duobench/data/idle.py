@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
 from duobench.data.recording import Recording
+from duobench.data.schema import ActorKind
 from duobench.data.used_rows import Span
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
@@ -18,12 +19,14 @@ STILL = 1e-4
 out, so that none is another one where they are missing."""
 STILL_TOOL = 5e-4
 """The same of a measured tool, whose joints are noisy."""
-STILL_ANGLE = 1e-3
+STILL_ANGLE = 3e-4
 """The same in radians."""
 STILL_OPENING = 5e-3
 """The same of a measured opening."""
 STILL_TARGET = 1e-5
 """The same of a commanded target, in radians or as an opening."""
+_ACTING = (ActorKind.POLICY, ActorKind.EXPERT)
+"""Actors that lead all the time, without a clutch."""
 _QPOS = 1
 """Place of the first coordinate in a state of the simulation, behind the time."""
 
@@ -31,8 +34,9 @@ _QPOS = 1
 def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     """Which rows of some that follow each other are idle.
 
-    What is seen behind rows that are left out is, within what counts as rest, what was seen where
-    the last one that is used led to; a slow drift keeps as many rows as that needs.
+    What is seen behind rows that are left out is, within what counts as rest, what the last one
+    that is used led to, and no further from that one than a step leads; a slow drift keeps as many
+    rows as that needs.
     """
     first, end = span
     seen = _poses(recording, task)
@@ -42,12 +46,16 @@ def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     sent = recording.sent / STILL_TARGET
     is_led = recording.clutch.any(axis=1) | _asks(recording)
     is_led |= (judged[1:] != judged[:-1]).any(axis=1)
+    acts = [actor.kind in _ACTING for actor in recording.info.actors]
+    is_led |= np.array(acts)[recording.leader]
     idle = np.zeros(end - first, np.bool_)
-    rest, told = seen[first], sent[first]
+    largest = np.maximum(np.abs(np.diff(seen, axis=0)).max(axis=0), 1.0)
+    was, rest, told = seen[first], seen[first], sent[first]
     for row in range(first, end):
-        moved = np.abs(seen[row + 1] - rest).max() > 1.0
+        moved = (np.abs(seen[row + 1] - was) > largest).any()
+        moved |= np.abs(seen[row + 1] - rest).max() > 1.0
         if is_led[row] or moved or np.abs(sent[row] - told).max() > 1.0:
-            rest, told = seen[row + 1], sent[row]
+            was, rest, told = seen[row], seen[row + 1], sent[row]
         else:
             idle[row - first] = True
     return idle

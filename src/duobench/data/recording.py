@@ -156,10 +156,33 @@ class Recording:
             return _info_of(pq.read_schema(file if is_path else pa.BufferReader(file)))
 
     @staticmethod
+    def read_checksum(path: Path) -> str:
+        """SHA-256 of what a file says about the episode as a whole, which tells it from others.
+
+        Raises:
+            DataError: See `read`.
+        """
+        with _reading(path):
+            schema = pq.read_schema(path)
+            _info_of(schema)  # which checks it
+            return schema.metadata[_CHECKSUM_KEY].decode()
+
+    @staticmethod
     def read_length(path: Path) -> int:
         """Number of actions of a recording; fast, with the errors of `read`."""
         with _reading(path):
             return pq.read_metadata(path).num_rows - 1
+
+    @staticmethod
+    def read_led(path: Path) -> int:
+        """Number of actions in which a hand led an arm; of all where nothing says who led."""
+        with _reading(path):
+            names = pq.read_schema(path).names
+            if "clutch" not in names:
+                return Recording.read_length(path)
+            table = pq.read_table(path, columns=["clutch"])
+            clutch = to_numpy(table.column("clutch").combine_chunks()[:-1])
+            return int(clutch.any(axis=1).sum())
 
     def write(self, path: Path) -> None:
         """Write it in one atomic step, or raise an `OutputError`."""

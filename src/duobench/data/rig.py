@@ -91,9 +91,9 @@ class RigRecorder:
             episode.videos = Videos(episode.path, cameras, rates, self._waits)
 
     def begin_step(self, episode: EpisodeRows) -> None:
-        """Before the first step, see the first row again, and record every frame from now on.
+        """Before the first step, and after a pause, see the last row again, and record every frame.
 
-        A person may take long to begin, after the environment has looked.
+        A person may take long to begin, or to go on, after the environment has looked.
         """
         videos = episode.videos
         if videos is None or videos.is_listening:
@@ -113,6 +113,11 @@ class RigRecorder:
         }
         episode.complete(row | self.seen(episode, now))
         videos.listen()
+
+    def pause(self, episode: EpisodeRows) -> None:
+        """Record no frames until the next step."""
+        if episode.videos is not None:
+            episode.videos.pause()
 
     def seen(self, episode: EpisodeRows, time_s: float) -> dict[str, Any]:
         """Columns that a rig alone fills, of a row at a time on its clock: full states, and frames.

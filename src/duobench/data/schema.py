@@ -288,6 +288,12 @@ class EpisodeInfo:
         return self.leaders or (self.actor,)
 
     @property
+    def is_led(self) -> bool:
+        """Whether a person led in it, or a program in the place of one."""
+        people = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)
+        return any(actor.kind in people for actor in self.actors)
+
+    @property
     def widths(self) -> dict[str, int]:
         """Numbers in a row of the columns that not every episode has; 0 of those that it lacks."""
         of_videos = dict.fromkeys(

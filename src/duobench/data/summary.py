@@ -65,6 +65,9 @@ class TaskSummary:
     discarded: int
     """Number of episodes that are not meant to be used."""
     cut: int
+    failures_led: int
+    """Number of kept episodes without success that people led; exports leave them out by
+    default."""
     frames: int
     """Actions of all episodes."""
     lengths: tuple[int, ...]
@@ -87,6 +90,8 @@ class TaskSummary:
     """Frames that are missing in videos, because the encoder was too far behind."""
     unused: dict[Reason, int] = field(default_factory=dict)
     """Rows that exports leave out by default, for each reason."""
+    reviewed: int = 0
+    """Episodes about which something was said at a second look that stands."""
 
     attempts: tuple[Attempt, ...] = ()
     """Episodes that were begun for the data set, as far as that was noted."""
@@ -97,8 +102,10 @@ class TaskSummary:
         if not self.attempts:
             return ""
         begun = sum(each.error != SKIPPED for each in self.attempts)
-        lost = [str(each.episode) for each in self.attempts if not each.kept]
-        words = f"{begun} begun, {len(self.attempts) - len(lost)} of them kept"
+        kept = [each.of_layout for each in self.attempts if each.kept]
+        tried = {each.of_layout for each in self.attempts}
+        lost = [str(layout) for layout in sorted(tried.difference(kept))]
+        words = f"{begun} begun, {len(kept)} of them kept"
         named = ", ".join(lost[:MOST_NAMED] + ["…"] * (len(lost) > MOST_NAMED))
         return f"{words}; given up: layouts {named}" if lost else words
 
@@ -181,24 +188,32 @@ def summarize(data: DataSet) -> Summary:
     commands = []
     speeds = []
     names = ()
+    reviews = data.reviews
     differences = {
         task: words for task, each in compared(data).items() if (words := str(each))
     }
     for task in data.tasks:
         recordings = []
         unused = Counter[Reason]()
-        for recording in data.recordings(task):
+        reviewed = 0
+        for path in data.episodes(task):
+            recording = Recording.read(path)
+            judgement = reviews.of(path)
+            reviewed += bool(judgement.at)
+            recording = replace(recording, info=judgement.judged(recording.info))
             commands.append(recording.sent.astype(np.float32))
             speeds.append(np.abs(recording.joint_velocity).max(axis=0))
             names = recording.info.observation_names
             reference = data.reference(recording.info)
-            unused.update(used_rows(recording, RowChoice(), reference).left_out)
+            rows = used_rows(recording, RowChoice(), reference, within=judgement.rows)
+            unused.update(rows.left_out)
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))
         definition = catalog.get(data.reference(recordings[0].info))
         found = _summarize_task(definition, recordings)
-        tasks.append(replace(found, attempts=begun, unused=dict(unused)))
+        found = replace(found, attempts=begun, reviewed=reviewed, unused=dict(unused))
+        tasks.append(found)
     if not tasks:
         words = "".join(f" Of {task} {each}." for task, each in differences.items())
         raise DataError(f"{data.path} holds no episode.{words}")
@@ -222,7 +237,8 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
         horizon=task.horizon,
         stages=tuple(stage.name for stage in task.stages),
         episodes=len(recordings),
-        successes=sum(bool(each.success[-1]) for each in recordings),
+        successes=sum(outcome is not None and outcome.success for outcome in outcomes),
+        failures_led=sum(map(_is_led_failure, infos)),
         discarded=sum(outcome is None or not outcome.kept for outcome in outcomes),
         cut=sum(outcome is None or outcome.cut for outcome in outcomes),
         frames=sum(map(len, recordings)),
@@ -240,6 +256,11 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
             video.left_out for info in infos for video in info.videos.values()
         ),
     )
+
+
+def _is_led_failure(info: EpisodeInfo) -> bool:
+    outcome = info.outcome
+    return info.is_led and outcome is not None and outcome.kept and not outcome.success
 
 
 def _rig(info: EpisodeInfo) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,32 +82,30 @@ class UsedRows:
 
     def steps(self, every: int = 1) -> Steps:
         """Each so many of the rows that are used; they begin anew where rows are missing."""
-        numbers, idle = _numbers(self.spans), _numbers(self.idle)
-        solid = np.setdiff1d(
-            np.arange(
-                -1, max((end for _, end in self.spans + self.idle), default=0) + 1
-            ),
-            idle,
-        )  # rows that are not idle, with one on each side
-        place = np.searchsorted(solid, numbers)
-        ends, earlier = solid[place + 1], solid[place - 1]
+        numbers = _numbers(self.spans)
+        end = max((end for _, end in (*self.spans, *self.idle)), default=0)
+        # What is not idle, with a row on each side.
+        bounds = np.setdiff1d(np.arange(-1, end + 1), _numbers(self.idle))
+        place = np.searchsorted(bounds, numbers)
+        earlier = bounds[place - 1]
         follows = np.isin(earlier, numbers)
         starts = np.where(follows, numbers, earlier + 1)
-        heads = np.flatnonzero(~follows)
-        lengths = np.diff(np.append(heads, len(numbers)))
-        firsts = np.concatenate(
+        before = np.where(follows, earlier, numbers - 1)
+        heads = np.append(np.flatnonzero(~follows), len(numbers))
+        firsts = np.array(
             [
-                head + np.arange(0, length, every)
-                for head, length in zip(heads, lengths, strict=True)
-            ]
-            or [heads]
+                each
+                for head, last in pairwise(heads)
+                for each in range(head, last, every)
+            ],
+            np.int64,
         )
-        lasts = np.append(firsts[1:], len(numbers)) - 1
+        lasts = np.append(firsts, len(numbers))[1:] - 1
         return Steps(
             rows=numbers[firsts],
             starts=starts[firsts],
-            ends=ends[lasts],
-            before=np.where(follows, earlier, numbers - 1)[firsts],
+            ends=bounds[place + 1][lasts],
+            before=before[firsts],
         )
 
 

@@ -206,8 +206,8 @@ class _Encoder:
 class Videos:
     """The videos of an episode while it is recorded, at least one.
 
-    Before `listen`, `see` encodes one frame of each camera; from `listen` to `close`, every frame
-    is encoded.
+    Before `listen`, and after `pause`, `see` encodes one frame of each camera; from `listen` to
+    `pause` or `close`, every frame is encoded.
 
     Args:
         episode: The episode's file; the videos are written beside it.
@@ -244,6 +244,13 @@ class Videos:
         self.is_listening = True
         for encoder in self._encoders.values():
             encoder.camera.listen(encoder.take)
+
+    def pause(self) -> None:
+        """Encode frames no more until `listen`."""
+        if self.is_listening:
+            self.is_listening = False
+            for encoder in self._encoders.values():
+                encoder.camera.listen(None)
 
     def see(
         self, frames: Mapping[str, CameraFrame], time_s: float

@@ -14,6 +14,7 @@ from duobench.teleop.messages import (
     Hands,
     Hold,
     Message,
+    Operator,
     PageDevice,
     Recentre,
 )
@@ -96,6 +97,11 @@ class Clutch:
     def open(self) -> None:
         """Let go; it takes a release and a new squeeze to close again."""
         self._is_armed, self._anchor = False, None
+
+    def notice(self, hand: Hand | None) -> None:
+        """Notice a release, also one between two control steps."""
+        if hand is not None and hand.sure and hand.squeeze < OPENS:
+            self._is_armed = True
 
     def wants(self, hand: Hand | None) -> bool:
         """Whether a hand, None if lost, keeps the clutch closed or would close it.
@@ -235,8 +241,13 @@ class HandDevice:
         self.led_by, self.executed_ms = "", math.nan
 
     def take(self, message: Message, arrival_s: float) -> None:
-        """Take over a fresh sample; `recentre` and a hold let both hands go."""
-        if isinstance(message, Recentre | Hold):
+        """Take over a fresh sample; `recentre` and a hold let both hands go.
+
+        Devices of another operator have not led yet.
+        """
+        if isinstance(message, Operator):
+            self._led = set()
+        elif isinstance(message, Recentre | Hold):
             self._let_go()
         elif isinstance(message, Hands) and (
             self._lockstep or self._freshness.accepts(message.sent, arrival_s)
@@ -248,6 +259,8 @@ class HandDevice:
             if is_moving or self.is_lost(arrival_s):
                 self._let_go()
             self._hands, self.sampled_s = message, arrival_s
+            for side, hand in self._now(arrival_s).items():
+                self._arms[side].clutch.notice(hand)
             if self._has_seen_open:
                 self._acting.update(message.devices)
 
@@ -259,6 +272,8 @@ class HandDevice:
         self.executed_ms = math.nan
         self._acting.clear()
         self._let_go()
+        for arm in self._arms.values():
+            arm.gripper.lose()
 
     def is_lost(self, now_s: float, for_s: float = MAX_AGE_S) -> bool:
         """Whether nothing fresh was heard for `MAX_AGE_S`, or another time."""
@@ -290,12 +305,12 @@ class HandDevice:
             if hand is not None and hand.sure:
                 self._arms[side].gripper.follow(hand.trigger)
         if not self._has_seen_open:
-            return "Open both hands: release the clutches and the grippers."
+            return "Open both hands: let go of the tools, and open the grippers."
         squeezes = [self._arms[side].clutch.wants(hand) for side, hand in hands.items()]
         if any(squeezes):
             return None
         self._acting.clear()
-        return "Squeeze a clutch to begin."
+        return "Lead a tool to begin."
 
     def intend(
         self,
@@ -322,6 +337,7 @@ class HandDevice:
             action=np.concatenate(rows),
             clutch=self.clutch,
             limited=cast("tuple[bool, bool]", tuple(limited)),
+            leads=any(self.clutch),
         )
 
     def _let_go(self) -> None:

@@ -22,6 +22,9 @@ class Intent:
     """Whether the left and the right hand lead their arm."""
     limited: tuple[bool, bool] = (False, False)
     """Whether an arm was kept from where its hand wants it."""
+    leads: bool = True
+    """Whether an arm is led now. Where none is, and the fingers rest too, the world comes to rest
+    and stands still; see `pace`."""
 
 
 class TeleopDevice(Protocol):

@@ -11,7 +11,7 @@ import msgspec
 
 from duobench.core.errors import escaped
 from duobench.core.spatial import SE3, length
-from duobench.web.messages import PageMessage
+from duobench.web.messages import PageMessage, SelectItem
 
 FARTHEST = 100.0
 """Largest coordinate of a hand in metres; only differences of poses matter."""
@@ -19,6 +19,8 @@ NORM_TOLERANCE = 1e-3
 """Tolerance of the length of a quaternion."""
 LONGEST_INSTRUCTION = 300
 """Characters of an instruction that an operator types."""
+LONGEST_NAME = 60
+"""Characters of an operator's pseudonym."""
 LONGEST_QUEUE = 1024
 """Messages that may wait; beyond, the oldest are forgotten."""
 
@@ -110,6 +112,10 @@ class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
 
+class Alone(PageMessage, frozen=True):
+    """Let the world run though nobody leads, or no longer."""
+
+
 class Instruction(PageMessage, frozen=True):
     """Instruction that the operator gives to the episode; empty for the task's own words."""
 
@@ -121,7 +127,30 @@ class Instruction(PageMessage, frozen=True):
             raise ValueError("an instruction is one line that can be printed")
 
 
-Message = Hands | Keep | Discard | Restore | Hold | GoOn | Recentre | Instruction
+class Operator(PageMessage, frozen=True):
+    """Pseudonym of the operator who leads from now on; empty for none."""
+
+    name: Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        if self.name != escaped(self.name) or len(self.name.splitlines()) > 1:
+            raise ValueError("a pseudonym is one line that can be printed")
+
+
+Message = (
+    Hands
+    | Keep
+    | Discard
+    | Restore
+    | Hold
+    | GoOn
+    | Recentre
+    | Alone
+    | Instruction
+    | Operator
+    | SelectItem
+)
 """Everything that an operator may send."""
 ANYONE = (Hold,)
 """Messages that visitors who watch may send too."""

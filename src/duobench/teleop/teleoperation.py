@@ -3,9 +3,14 @@
 The environment judges, and says when the task is solved.
 """
 
+import math
+from collections.abc import Callable, Collection
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self, cast
+
+import numpy as np
 
 from duobench.core.errors import BackendError, DuoBenchError, OptionError
 from duobench.core.randomness import TRAIN, episode_seed
@@ -19,10 +24,12 @@ from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
+from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
 from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import (
+    Alone,
     Discard,
     GoOn,
     Hands,
@@ -31,28 +38,41 @@ from duobench.teleop.messages import (
     Instruction,
     Keep,
     Message,
+    Operator,
     Restore,
 )
+from duobench.teleop.pace import Pace
 from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
+from duobench.teleop.plan import TaskProgress
 from duobench.teleop.session_episodes import SessionEpisodes
+from duobench.web.messages import SelectItem
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
 
-TIME_LIMIT_S = 180.0
-"""Simulated seconds that an episode may take: with a mouse, a person needs several times as long
-as an expert, and as the horizon of an evaluation."""
+TIME_LIMIT_S = 600.0
+"""Seconds that an episode may be led: over twenty times the horizon of every task. Thinking is not
+counted, so that only a clutch that was forgotten comes to its end."""
+WARNED_S = 10.0
+"""Seconds before that end in which it is said."""
+ARM_REST = 0.02
+"""Joint speed in rad/s below which an arm is at rest."""
 TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 """Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
 from where its hand wants it, and when a hand lets go, or is lost."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
+ASKED_LATER = "Episode {} is asked about once this one is over, and kept or discarded."
 LATER = "The new instruction is that of the next episode."
+NEXT_TASK = "The task that was chosen comes next."
+KEPT = "Kept. The next layout is prepared."
 DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
 AWAY = "No operator drives: the recording waits until one does."
+ENDING = "{:.0f} s are left of the {:.0f} s that this episode may be led."
 HOLDING = "Space bar and this button: both hands let go, and everything stands still."
 HELD = "Held: nothing moves. Let go and squeeze again, or press Go on."
 TITLES = {
-    "preparing": "Getting ready",
+    "making_ready": "Getting ready",
+    "preparing": "The next layout is prepared",
     "waiting": "Waiting for the first move",
     "recording": "Recording",
     "success": "Success",
@@ -67,13 +87,14 @@ TITLES = {
 class TeleopState(StrEnum):
     """State of an episode."""
 
-    PREPARING = "preparing"
+    MAKING_READY = "making_ready"
     """The arms of a rig are made ready, step by step; nothing is recorded."""
     WAITING = "waiting"
     """Everything is in its place; nothing moves and nothing is recorded before the operator
     begins."""
     RECORDING = "recording"
-    """The operator leads, every step is recorded."""
+    """The operator leads: every step is recorded, and none is made while nothing is led and all
+    is at rest."""
     SUCCESS = "success"
     """The task is solved; the recording goes on for a moment."""
     PAUSED = "paused"
@@ -82,12 +103,16 @@ class TeleopState(StrEnum):
     """A visitor said hold: nothing moves and nothing is recorded until the operator goes on."""
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
+    PREPARING = "preparing"
+    """The next layout is prepared."""
     OVER = "over"
     """The wanted number of episodes is kept."""
 
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
-"""States in which control steps are made and recorded."""
+"""States in which control steps are made and recorded, as long as the world runs."""
+_UNBEGUN = (TeleopState.MAKING_READY, TeleopState.WAITING)
+"""States before an episode begins."""
 _LED = (*_RUNNING, TeleopState.PAUSED, TeleopState.HELD)
 """States of an episode that a person leads."""
 _DISCARDED = (*_LED, TeleopState.DECIDE)
@@ -103,9 +128,12 @@ class Teleoperation:
     Args:
         env: What records, with review and clutch; see `make_recorder`.
         device: What the operator leads with.
-        episodes: How many are wanted, those of earlier sessions in the same data set counted.
+        episodes: How many layouts are wanted, those of earlier sessions in the same data set
+            counted.
+        times: How many episodes of each are wanted.
+        tasks: Ids of tasks of which the operator may choose the next one, see `chosen`.
         instruction: What the operator says that the arms will do; empty for the task's own.
-        lockstep: Whether each message of hands is one control step, and nothing moves between.
+        lockstep: Whether each message of hands is one turn, and nothing moves between.
 
     Raises:
         OptionError: The number is less than one, or the environment takes other actions.
@@ -120,6 +148,8 @@ class Teleoperation:
         device: TeleopDevice,
         *,
         episodes: int = 10,
+        times: int = 1,
+        tasks: Collection[str] = (),
         instruction: str = "",
         lockstep: bool = False,
     ) -> None:
@@ -139,15 +169,28 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
-        self._wanted, self._instruction = episodes, instruction
+        self.chosen = ""
+        """Id of the task that the operator wants to lead next, where the session ends for it."""
+        self.before_reset: Callable[[], object] = lambda: None
+        """Called before the next layout is prepared, which takes a while."""
+        self.pace = Pace()
+        """Decides in each turn of an episode whether the world runs."""
+        self._tasks, self._instruction = tasks, instruction
         self._inbox, self._presses = Inbox(), ButtonPresses()
         self._is_held = False
         data = env.data
-        self.kept = 0 if data is None else data.kept(env.task)
-        """Number of kept episodes, with those of earlier sessions."""
         self._episodes = None if data is None else SessionEpisodes(env, data)
-        self._number = 0 if self._episodes is None else self._episodes.next_number
+        self._is_settled = (
+            False  # whether the episode that is over was kept or discarded
+        )
+        self._progress = TaskProgress(data, env.task, episodes, times)
+        self.number = 0 if self._episodes is None else self._episodes.next_number
+        """Number of the episode, which is the name of its file."""
+        layout = self._progress.next_layout()
+        self._layout = layout or 0
         self._reset()
+        if layout is None:
+            self._end_session()
 
     # --- from any thread ---------------------------------------------------------------------
 
@@ -166,9 +209,9 @@ class Teleoperation:
         self._inbox.wait(timeout_s)
 
     def advance(self, now_s: float) -> bool:
-        """Do what the messages say, and a control step if an episode runs.
+        """Do what the messages say, and a control step if an episode and the world run.
 
-        In lockstep that is one step for one message of hands, and none without.
+        In lockstep that is at most one step for one message of hands, and none without.
 
         Args:
             now_s: The time in seconds, on any clock that never goes back.
@@ -183,7 +226,14 @@ class Teleoperation:
         if self._is_held and self.device.is_squeezed_anew(now_s):
             self._is_held = False
         self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
-        if self._is_paused or self._is_held or (self.lockstep and not has_hands):
+        if self._is_paused:
+            self.env.pause()
+        if (
+            self._is_paused
+            or self._is_held
+            or self._question
+            or (self.lockstep and not has_hands)
+        ):
             return False
         if self._state is TeleopState.WAITING:
             prompt = self.device.prompt(now_s)
@@ -194,7 +244,12 @@ class Teleoperation:
             self._note_attempt(UNDECIDED)  # a kill leaves this
         if self._state not in _RUNNING:
             return False
-        self._step(now_s)
+        backend = self.env.base.backend
+        intent = self.device.intend(now_s, self._seen, backend.last_command)
+        ends = self._state is TeleopState.SUCCESS
+        if not self.pace.runs(intent, self._seen, ends=ends) and self._stand():
+            return False
+        self._step(intent)
         return True
 
     def __enter__(self) -> Self:
@@ -213,11 +268,11 @@ class Teleoperation:
             forget: Whether what was discarded is removed; after an error, the next session can
                 restore it.
         """
-        if self._state in {TeleopState.PREPARING, TeleopState.WAITING}:
+        if self._state in _UNBEGUN:
             self.env.discard()
         elif self._is_solved:
             self._accept()
-        elif self._state is not TeleopState.OVER:
+        elif self._state is not TeleopState.OVER and not self._is_settled:
             self._note_attempt(UNDECIDED)
         self.env.close()
         if self._episodes is not None:
@@ -225,7 +280,9 @@ class Teleoperation:
 
     @property
     def state(self) -> TeleopState:
-        """State of the episode."""
+        """State of the episode, or of one that was restored, once it is asked about."""
+        if self._question:
+            return TeleopState.DECIDE
         if self._is_held:
             return TeleopState.HELD
         return TeleopState.PAUSED if self._is_paused else self._state
@@ -238,7 +295,7 @@ class Teleoperation:
             steps=(LEAD, SOLVED),
             now=self._step_of(state, 0),
             title=TITLES[state],
-            todo=self._said,
+            todo=self._said(),
             buttons=self._buttons(state),
             holding=HOLDING,
             can_hold=state in _LED,
@@ -249,13 +306,6 @@ class Teleoperation:
         if state is TeleopState.OVER:
             return lead + 2
         return lead + int(state in self.keeps and state is not TeleopState.RECORDING)
-
-    @property
-    def _said(self) -> str:
-        """Sentence for the operator."""
-        if self._is_held:
-            return HELD
-        return AWAY if self._is_paused else self.note
 
     def _buttons(self, state: TeleopState) -> tuple[Button, ...]:
         found: list[Button] = []
@@ -278,6 +328,20 @@ class Teleoperation:
             found.append(Button(id="restore", words=words, message=Restore()))
         return tuple(found)
 
+    @property
+    def kept(self) -> int:
+        """Number of kept episodes that are wanted, with those of earlier sessions."""
+        return self._progress.kept
+
+    @property
+    def _question(self) -> str:
+        """The question about a restored episode; empty while another one runs or is decided."""
+        episodes = self._episodes
+        is_open = self._state in _UNBEGUN or self._is_settled
+        if episodes is None or not episodes.asked or not is_open:
+            return ""
+        return f"Keep {next(iter(episodes.asked.values()))}, or discard it again?"
+
     def status(self) -> dict[str, Any]:
         """Return the fields of the page's message `status`."""
         task, info = self.env.base.definition, self._info
@@ -285,24 +349,56 @@ class Teleoperation:
             "title": task.title,
             "task": task.id,
             "instruction": info["instruction"],
+            "wording": self._instruction,
+            "operator": self.env.actor.name,
+            "operators": sorted(filter(None, self._progress.operators)),
             "next": info["current_subinstruction"],
             "stage": info["stage"],
             "max_stage": info["max_stage"],
             "stages": [stage.name for stage in task.stages],
             "step": self._steps,
+            "led_s": round(self.led_s, 1),
+            "limit_s": self._limit_s,
+            "pace": str(self.pace.phase),
+            "alone": self.pace.is_alone,
             "steps": self.env.get_wrapper_attr("_max_episode_steps"),
             "state": str(self.state),
             "panel": self.panel.to_json(),
             "success": bool(info["success"]),
-            "count": self._number,
+            "count": self.number,
             "kept": self.kept,
             "discarded": 0 if self._episodes is None else len(self._episodes.discarded),
-            "wanted": self._wanted,
+            "wanted": self._progress.wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
+            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
             "stage_changes": [list(change) for change in self._stage_changes],
-            "note": self._said,
+            "note": self._said(),
         }
+
+    @property
+    def led_s(self) -> float:
+        """Seconds of the episode in which the world ran."""
+        return self._steps / CONTROL_HZ
+
+    @property
+    def _limit_s(self) -> float:
+        return self.env.get_wrapper_attr("_max_episode_steps") / CONTROL_HZ
+
+    def _said(self) -> str:
+        """Return the sentence for the operator."""
+        if self._is_held:
+            return HELD
+        if self._is_paused:
+            return AWAY
+        if self._question:
+            return self._question
+        left_s = self._limit_s - self.led_s
+        if self._state is TeleopState.RECORDING and left_s <= WARNED_S:
+            return (
+                f"{ENDING.format(np.ceil(left_s), self._limit_s)} {self.note}".strip()
+            )
+        return self.note
 
     def _handle(self) -> bool:
         """Do what the messages say; in lockstep, those up to the first one of hands."""
@@ -331,8 +427,10 @@ class Teleoperation:
                 self._is_held = self._is_held or self.state in _LED
             case GoOn():
                 self._is_held = False
-            case Instruction(text=text):
-                self._instruct(text.strip())
+            case Alone():
+                self.pace.is_alone = self._state in _RUNNING and not self.pace.is_alone
+            case Instruction() | Operator() | SelectItem():
+                self._arrange(message)
             case _:
                 pass
 
@@ -341,10 +439,26 @@ class Teleoperation:
         for name in self._presses.new(hands):
             asked.get(name, self._restore)()
 
-    def _step(self, now_s: float) -> None:
-        backend = self.env.base.backend
-        intent = self.device.intend(now_s, self._seen, backend.last_command)
+    def _stand(self) -> bool:
+        """Let the world stand still in this turn; whether it can."""
+        return True
+
+    def _is_at_rest(self, before: ProgressState) -> bool:
+        """Whether arms and objects are at rest, and no clock of a stage counts since a state."""
+        base = cast("SimEnv", self.env.base)
+        speeds = np.abs(base.backend.joint_velocities())
+        is_still = base.simulation.is_settled and bool((speeds < ARM_REST).all())
+        return is_still and not self._judge.counts_since(before)
+
+    @property
+    def _judge(self) -> Any:
+        return self.env.get_wrapper_attr("judge")
+
+    def _step(self, intent: Intent) -> None:
+        before = self._judge.get_state()
         self.env.clutch = intent.clutch
+        self.env.device = self.device.led_by or None
+        self._limited = intent.limited
         try:
             _, _, terminated, truncated, info = self.env.step(intent.action)
         except BackendError as error:
@@ -353,8 +467,8 @@ class Teleoperation:
         self._steps += 1
         if info["stage"] != self._info["stage"]:
             self._stage_changes.append([self._steps, int(info["stage"])])
-        self._info, self._seen = info, backend.read()
-        self.env.device = self.device.led_by or None
+        self._info, self._seen = info, self.env.base.backend.read()
+        self.pace.note_step(is_at_rest=self._is_at_rest(before))
         self.haptics.update(intent)
         if terminated or truncated:
             self._end(self._why_over(info))
@@ -378,7 +492,9 @@ class Teleoperation:
             self._keep()
 
     def _keep(self) -> None:
-        if self._state is TeleopState.SUCCESS:
+        if self._question:
+            self._keep_restored()
+        elif self._state is TeleopState.SUCCESS:
             self._is_kept, self.note = True, "Solved; it will be kept."
         elif self._state is TeleopState.RECORDING:
             self.note = UNSOLVED
@@ -395,11 +511,15 @@ class Teleoperation:
         """Keep the episode, which ends here if it has not."""
         self.env.finish()
         self.env.keep()
-        self.kept += 1
         self._note_attempt(None)
+        self.note = KEPT
 
     def _discard(self) -> None:
         if self._state is TeleopState.OVER:
+            return
+        if self._question and self._episodes is not None:
+            self._episodes.discard_asked()
+            self._go_on()
             return
         has_begun = self._state is not TeleopState.WAITING
         if has_begun and self._episodes is not None:
@@ -407,38 +527,72 @@ class Teleoperation:
         else:
             self.env.discard()
         self._note_attempt(DISCARDED if has_begun else SKIPPED)
+        self.note = DISCARDED if has_begun else SKIPPED
         self._next()
 
     def _restore(self) -> None:
-        """Keep after all what was discarded last; what is going on goes on."""
-        if self._episodes is None:
+        """Ask again about what was discarded last: now, or once what runs is over and decided."""
+        if self._episodes is None or self._state is TeleopState.OVER:
             return
         try:
             name = self._episodes.restore()
         except DuoBenchError as error:
             self.note = str(error)
             return
-        self.kept += 1
-        self.note = f"Episode {name} is restored, and kept."
-        if self._state is TeleopState.WAITING and self.kept >= self._wanted:
+        if not self._question:
+            self.note = ASKED_LATER.format(name)
+
+    def _keep_restored(self) -> None:
+        if self._episodes is None:
+            return
+        try:
+            name = self._episodes.keep_asked()
+            self._progress.refresh()
+            said = f"Episode {name} is restored, and kept."
+        except DuoBenchError as error:
+            said = str(error)
+        self._go_on()
+        self.note = said if self._state is not TeleopState.OVER else self.note
+
+    def _go_on(self) -> None:
+        """Go on after an answer about a restored episode, unless another one is asked about."""
+        if self._question:
+            return
+        if self._is_settled:
+            self._next()
+        elif not self._progress.wants(self._layout):
             self.env.discard()
-            self._end_session()
+            self._prepare()
 
     def _note_attempt(self, reason: str | None) -> None:
         """Note how the episode goes: why it is not kept, or None where it is."""
-        if self._episodes is None:
-            return
+        if self._episodes is not None:
+            self._episodes.note(self._attempt(reason))
+        self._progress.note(self._layout, kept=reason is None)
+
+    def _attempt(self, reason: str | None) -> Attempt:
         success = bool(self._info["success"])
-        attempt = Attempt(
+        actor = self.env.actor
+        return Attempt(
             task=self.env.task,
-            episode=self._number,
+            episode=self.number,
             success=success,
             stage=int(self._info["stage"]),
             steps=self._stage_changes[-1][0] if success else self._steps,
             kept=reason is None,
             error=reason,
+            layout=self._layout,
+            actor=replace(actor, device=self.env.device or actor.device),
         )
-        self._episodes.note(attempt)
+
+    def _arrange(self, message: Instruction | Operator | SelectItem) -> None:
+        match message:
+            case Instruction(text=text):
+                self._instruct(text.strip())
+            case Operator(name=name):
+                self._change_operator(name.strip())
+            case SelectItem(id=task):
+                self._choose(task)
 
     def _instruct(self, text: str) -> None:
         self._instruction = text
@@ -448,29 +602,64 @@ class Teleoperation:
         else:
             self.note = LATER
 
-    def _next(self) -> None:
-        self._number += 1
-        if self.kept >= self._wanted:
+    def _change_operator(self, name: str) -> None:
+        """Record a pseudonym from the next control step on."""
+        if name == self.env.actor.name:
+            return
+        self.env.actor = replace(self.env.actor, name=name)
+        if self._state in (TeleopState.WAITING, *_RUNNING):
+            self.env.leader = self.env.actor
+
+    def _choose(self, task: str) -> None:
+        """Let the session end for another task, at once or after the episode that runs."""
+        if task not in self._tasks:
+            return
+        self.chosen = "" if task == self.env.task else task
+        if self.chosen and self._state is TeleopState.WAITING:
+            self.env.discard()
             self._end_session()
-        else:
-            self._reset()
+        elif self.chosen:
+            self.note = NEXT_TASK
+
+    def _next(self) -> None:
+        """Begin the next episode, or end; restored ones are asked about before."""
+        self._is_settled = True
+        if self._question:
+            self._state = TeleopState.DECIDE
+            return
+        self._is_settled = False
+        self.number += 1
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Prepare the next layout, unless there is none or another task was chosen."""
+        layout = self._progress.next_layout()
+        if layout is None or self.chosen:
+            self._end_session()
+            return
+        self._layout, self._state = layout, TeleopState.PREPARING
+        self.before_reset()
+        self._reset()
 
     def _end_session(self) -> None:
-        self._state, self.note = TeleopState.OVER, "All episodes are recorded."
+        self._state = TeleopState.OVER
+        self.note = NEXT_TASK if self.chosen else "All episodes are recorded."
 
     def _reset(self) -> None:
         env, task = self.env, self.env.task
-        seed = episode_seed(task, self._number, TRAIN)
+        seed = episode_seed(task, self._layout, TRAIN)
         self._state, self._is_kept = (
             TeleopState.WAITING,
             False,
         )  # also if arms do not get home
-        env.next_name = f"{self._number:05d}"
+        env.next_name = f"{self.number:05d}"
         self._info: Info = env.reset(seed=seed, options=self._reset_options(seed))[1]
         self._seen: DuoState = env.base.backend.read()
         self._steps = 0
         self._stage_changes: list[list[int]] = []
+        self._limited = (False, False)
         self._is_paused, self._is_held, self.note = False, False, ""
+        self.pace.begin()
         self.device.begin(env.base.backend.last_command)
         self.haptics.begin()
 
@@ -523,6 +712,20 @@ class Haptics:
         return any(contacts.gripper(side, owner) for owner in others)
 
 
+def horizon_of(time_limit_s: float) -> int:
+    """Return the control steps of an episode that may be led for some seconds.
+
+    Raises:
+        OptionError: They are not finite, or less than one control step.
+    """
+    steps = time_limit_s * CONTROL_HZ
+    if not (math.isfinite(steps) and round(steps) >= 1):
+        raise OptionError(
+            f"An episode takes at least one control step, got a limit of {time_limit_s} s."
+        )
+    return round(steps)
+
+
 def make_recorder(
     task: str | Task,
     data: DataSet | str | Path | None,
@@ -541,7 +744,7 @@ def make_recorder(
         data: Data set that episodes are added to, or its folder; None keeps each in memory.
         actor: Who leads, and with which device.
         action_mode: That of the device.
-        time_limit_s: Simulated seconds after which an episode is truncated.
+        time_limit_s: Seconds that an episode may be led before it is truncated; see `horizon_of`.
         look: How images of the episodes look, unless they are rendered with another one.
 
     Raises:
@@ -549,17 +752,12 @@ def make_recorder(
         OptionError: A number of seconds is invalid.
         OtherRunError: The folder holds something else.
     """
-    horizon = round(time_limit_s * CONTROL_HZ)
-    if horizon < 1:
-        raise OptionError(
-            f"An episode takes at least one control step, got {time_limit_s} s."
-        )
     env = make_env(
         task,
         cameras=False,
         split=TRAIN,
         action_mode=action_mode,
-        horizon=horizon,
+        horizon=horizon_of(time_limit_s),
         look=look,
     )
     return Recorder(

@@ -11,7 +11,8 @@ the difference from the one before. Everything is little-endian; a vertex takes 
 import gzip
 import hashlib
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.core.errors import DuoBenchError
-from duobench.core.spatial import SE3, matrix_from_wxyz
+from duobench.core.spatial import SE3, matrix_from_wxyz, rotation_by
 from duobench.core.types import Array
 from duobench.web.shading import (
     as_camera,
@@ -32,8 +33,8 @@ from duobench.web.shading import (
     texels_of,
 )
 from duobench.world.looks.clutter import pieces
-from duobench.world.looks.look import Look
-from duobench.world.robot.cameras import View
+from duobench.world.looks.look import CameraOffset, Look
+from duobench.world.robot.cameras import CAMERAS, View
 from duobench.world.scene.naming import FLOOR
 from duobench.world.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
 from duobench.world.sim.appearance import Appearance
@@ -43,6 +44,8 @@ MAX_BODIES = 255
 
 _GRAIN = 2.0**-15
 """Positions are multiples of this, 0.03 mm, so that they compress."""
+_DIGITS = 6
+"""Of poses and fields of view of the robot's cameras."""
 _SPECULAR = 0.5
 """Specular reflection of a geom without material [MuJoCo's default]."""
 _OPAQUE = 0.995
@@ -93,6 +96,9 @@ class Geometry:
     Args:
         model: The compiled model; `Simulation.model`.
         look: How it looks; None is the scene as it was composed.
+        view: Where people look from at first; None is the overview of the model.
+        cameras: Whether the scene says where the robot's cameras are, so that a page can look
+            through them.
 
     Raises:
         DuoBenchError: More than 255 bodies move, or a geom is of a kind that is not shown.
@@ -105,6 +111,8 @@ class Geometry:
         model: mujoco.MjModel,
         look: Look | None = None,
         view: View | None = None,
+        *,
+        cameras: bool = False,
     ) -> None:
         is_visible = (model.geom_group < COLLISION_GEOM_GROUP) & (
             model.geom_rgba[:, 3] > 0
@@ -143,7 +151,9 @@ class Geometry:
             **lights_of(model, look),
         }
         """Counts; corners of the room, of what else casts no shadow, and of what does; camera for
-        people; lights."""
+        people; lights; and, where asked for, the robot's cameras."""
+        if cameras:
+            self.header["cameras"] = _cameras(model, look, numbers)
         self.data: bytes = _packed(self.header, surfaces)
         """The scene file."""
         self.name: str = hashlib.sha256(self.data).hexdigest()[:12]
@@ -159,6 +169,42 @@ class Geometry:
         found[:, :3] = data.xpos[self._ids]
         found[:, 3:] = data.xquat[self._ids]
         return found
+
+
+def _cameras(
+    model: mujoco.MjModel, look: Look, numbers: Mapping[int, int]
+) -> list[dict[str, Any]]:
+    """The robot's cameras, where the look has them.
+
+    Of each its `name`; the number of the `body` with which it moves, and in the frame of that one
+    its `pose`, x y z and w x y z, with MuJoCo's axes; `fovy`, its vertical field of view in
+    degrees; and `aspect`, width by height.
+    """
+    found = []
+    for name, camera in CAMERAS.items():
+        number = model.camera(name).id
+        root, carrier_from_body = _carrier(model, int(model.cam_bodyid[number]))
+        offset = look.cameras.get(name, CameraOffset())
+        pose = (
+            carrier_from_body
+            @ _pose(model.cam_pos[number], model.cam_quat[number])
+            @ SE3(rotation_by(np.array(offset.rotation)), np.array(offset.position))
+        )
+        height, width = camera.size
+        fovy = 2 * math.atan(height / 2 / camera.focal) + offset.field_of_view
+        found.append(
+            {
+                "name": name,
+                "body": numbers[root],
+                "pose": [
+                    *pose.translation.round(_DIGITS).tolist(),
+                    *pose.wxyz.round(_DIGITS).tolist(),
+                ],
+                "fovy": round(math.degrees(fovy), _DIGITS),
+                "aspect": round(width / height, _DIGITS),
+            }
+        )
+    return found
 
 
 def _carrier(model: mujoco.MjModel, body: int) -> tuple[int, SE3]:

@@ -4,14 +4,14 @@ Text is JSON with a `kind`. Nothing that a page sends is trusted: a message that
 its kind is refused with a sentence, and changes nothing. A frame is binary, little-endian: float64
 time of the server in seconds, uint32 control step, uint32 number of bodies, float64 when the newest
 message of hands was sent that it shows, in ms of the clock of who sent it, or NaN, then seven
-float32 a body.
+float32 a body, and where arms are led seven a tool; see `teleop.plumb.PlumbLines.rows`.
 """
 
 import math
 import re
 import struct
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -51,6 +51,12 @@ class TakeOver(PageMessage, frozen=True):
     """Visitor's request to drive in the place of the present driver."""
 
 
+class SelectItem(PageMessage, frozen=True, tag="select"):
+    """Choose an item of those that the page lists."""
+
+    id: Annotated[str, msgspec.Meta(max_length=300)]
+
+
 def reader(kinds: Any) -> Callable[[str | bytes], Any]:
     """Reader of messages that a page may have sent.
 
@@ -77,15 +83,20 @@ def reader(kinds: Any) -> Callable[[str | bytes], Any]:
 
 
 def pack_frame(
-    poses: NDArray[np.float32], step: int, time_s: float, shows_ms: float = math.nan
+    poses: NDArray[np.float32],
+    step: int,
+    time_s: float,
+    shows_ms: float = math.nan,
+    tools: NDArray[np.float32] | None = None,
 ) -> bytes:
     """A frame of poses (bodies, 7), as `Geometry.poses` gives them, after so many control steps.
 
-    The time is that of a clock of the server that never goes back; `shows_ms` as said above.
+    The time is that of a clock of the server that never goes back; `shows_ms` and `tools` as said
+    above.
     """
-    return (
-        _FRAME.pack(time_s, step, len(poses), shows_ms) + poses.astype("<f4").tobytes()
-    )
+    head = _FRAME.pack(time_s, step, len(poses), shows_ms)
+    rows = poses if tools is None else np.concatenate([poses, tools])
+    return head + rows.astype("<f4").tobytes()
 
 
 def encode(**fields: Any) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from urllib.parse import SplitResult, unquote, urlsplit
+from urllib.parse import SplitResult, parse_qs, unquote, urlsplit
 
 import websockets
 from websockets.asyncio.server import ServerConnection
@@ -47,6 +47,8 @@ IMAGE_KINDS = {
     b"%PDF": "application/pdf",
 }
 """Content types of images, films and sheets to print, by their first bytes."""
+LONGEST_NAME = 64
+"""Characters of the name of a page."""
 _PING_S = 10.0
 """Seconds between pings of a browser, and seconds until its answer."""
 _TIMEOUT_S = 2.0
@@ -79,6 +81,8 @@ class Peer:
 
     def __init__(self, connection: ServerConnection) -> None:
         self._connection = connection
+        self.page = _page_of(connection)
+        """Page that connects, by a name that it made up; empty for a program without one."""
         self.waiting: dict[str, str | bytes] = {}
         """Messages still to be sent, by slot."""
         self._changed = asyncio.Event()
@@ -92,6 +96,10 @@ class Peer:
         """Let a message wait, in place of what waits there."""
         self.waiting[place] = message
         self._changed.set()
+
+    def drop(self) -> None:
+        """End a connection that nobody answers any more."""
+        self._connection.transport.abort()
 
     async def send_all(self) -> None:
         """Send what waits, text first, as fast as it is read, until the connection ends."""
@@ -117,6 +125,10 @@ class PageServer:
     """Shows a page with a scene, frames and a status, and takes what people do on it.
 
     Newest wins: a browser that is slow skips frames and statuses, and slows no other down.
+
+    A page drives again when it comes back after its connection was cut, or after it was reloaded,
+    unless another one drove meanwhile. It is known by the field `page` of the address at which it
+    connects.
 
     Args:
         assets: Content type and content by path; "/" is the page.
@@ -146,6 +158,7 @@ class PageServer:
         self._latest: dict[str, str | bytes] = {}
         self._peers: dict[Peer, None] = {}  # in the order in which they came
         self._driver: Peer | None = None
+        self._drove = ""  # the page that drives, or drove last
         self.listen(None, lambda _message: None)
         self._server = ServingThread(
             self._serve_peer,
@@ -244,6 +257,10 @@ class PageServer:
         """Show a status: all of it, since a browser that comes later gets this one alone."""
         self._server.call(self._show, "status", encode(kind="status", **status))
 
+    def publish_items(self, items: Sequence[Mapping[str, Any]]) -> None:
+        """Show a list of what can be chosen, each with an `id` and a `title`."""
+        self._server.call(self._show, "items", encode(kind="items", items=items))
+
     def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
         """Show what cameras see, again and again: a page that hears nothing says so.
 
@@ -297,6 +314,8 @@ class PageServer:
     def _let_drive(self, peer: Peer | None) -> None:
         """Let one browser drive, or none, and tell all who drives and who watches."""
         self._driver = peer
+        if peer is not None:
+            self._drove = peer.page
         drivers = int(peer is not None)
         viewers = len(self._peers) - drivers
         for each in self._peers:
@@ -388,8 +407,12 @@ class PageServer:
     async def _serve_peer(self, connection: ServerConnection) -> None:
         peer = Peer(connection)
         self._peers[peer] = None
-        self._let_drive(self._driver)
-        for place in ("scene", "status", FRAME):
+        is_back = peer.page != "" and peer.page == self._drove
+        if is_back and self._driver is not None:  # cut off without a goodbye
+            self._driver.drop()
+            self._lose_driver(gives_way=False)
+        self._let_drive(peer if is_back else self._driver)
+        for place in ("scene", "items", "status", FRAME):
             if place in self._latest:
                 peer.put(place, self._latest[place])
         sending = asyncio.create_task(peer.send_all())
@@ -453,6 +476,13 @@ _NO_TOKEN = (
     "This address lacks its token. Open the whole address that was printed where the page was "
     "started.\n"
 )
+
+
+def _page_of(connection: ServerConnection) -> str:
+    """Name of the page that connects; empty without one."""
+    assert connection.request is not None
+    query = parse_qs(urlsplit(connection.request.path).query)
+    return query.get("page", [""])[0][:LONGEST_NAME]
 
 
 def _with(

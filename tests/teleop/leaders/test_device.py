@@ -141,6 +141,33 @@ def test_leaders_that_fall_silent_leave_the_robot_where_it_is() -> None:
     session.close()
 
 
+def test_leaders_that_tremble_lead_nothing_and_slow_ones_do() -> None:
+    leaders, draw = Leaders(), np.random.default_rng(0)
+    session = session_of(leaders)
+    backend = session.env.base.backend
+    leaders.now[10] += 0.06
+    session.advance(0.0)
+    leaders.now[10] += 0.06
+    for _ in range(100):
+        session.advance(0.0)
+    rest, step = leaders.now.copy(), session.status()["step"]
+    for _ in range(300):
+        leaders.now = rest + draw.normal(0.0, 4e-4, size=16)
+        assert not session.advance(0.0)
+    assert (session.status()["pace"], session.status()["step"]) == ("standing", step)
+    made, before = 0, backend.last_command.flat
+    for number in range(300):
+        leaders.now = rest.copy()
+        leaders.now[0] += 4e-4 * number
+        made += session.advance(0.0)
+        now = backend.last_command.flat
+        assert np.abs(now - before).max() < 0.01
+        before = now
+    assert made > 280
+    np.testing.assert_allclose(backend.last_command.flat, leaders.now, atol=1e-9)
+    session.close()
+
+
 def test_teleoperators_with_other_numbers_are_refused() -> None:
     assert LeRobotSource(Leaders(ending="")).read() is not None
     with pytest.raises(LeaderError, match=r"left_joint_1\.pos to right_gripper\.pos"):

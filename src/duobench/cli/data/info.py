@@ -51,7 +51,8 @@ def run(
     overall = (summary.episodes, summary.successes, summary.frames)
     rows.add_row("All tasks", *map(str, overall), style="bold")
     rows.caption = (
-        "Frames: all control steps, 30 a second. Median, 99 %: steps until success."
+        "Frames: all control steps, 30 a second. Median, 99 %: steps until success, or until "
+        "the end without it."
     )
     say(rows)
     say(_smoothness(summary))
@@ -83,12 +84,28 @@ def _actors(summary: Summary) -> Iterator[str]:
             yield f"{task.task}: {task.attempted}"
         if task.led is not None:
             yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
+        yield from _unused(task)
         idle = task.unused.get(Reason.IDLE, 0)
         if idle:
             yield (
                 f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
                 "which exports leave out"
             )
+
+
+def _unused(task: TaskSummary) -> Iterator[str]:
+    """Episodes and rows that are not used, but for idle ones."""
+    parts = {
+        "not to be used": task.discarded,
+        "without success though kept, which exports leave out": task.failures_led,
+        "looked at again": task.reviewed,
+    }
+    words = [f"{count} {what}" for what, count in parts.items() if count]
+    if words:
+        yield f"{task.task}: {'; '.join(words)}"
+    trimmed = task.unused.get(Reason.TRIMMED, 0)
+    if trimmed:
+        yield f"{task.task}: {trimmed} of {task.frames} rows were trimmed away"
 
 
 def _smoothness(summary: Summary) -> Table:

@@ -59,7 +59,12 @@ def run(
         duo = rig.open()
         terminal = ending.enter_context(closing(KeyTerminal()))
         recorder = make_real_recorder(
-            duo, task, out, actor, action_mode=led_by.action_mode
+            duo,
+            task,
+            out,
+            actor,
+            action_mode=led_by.action_mode,
+            time_limit_s=leading.limit,
         )
         ending.callback(recorder.close)
         session = RigTeleoperation(

@@ -32,11 +32,13 @@ class LeadingOptions:
     instruction: str = ""
     """Instruction that the operator follows; the task's own if not given. Both are
     recorded."""
+    limit: float = 600.0
+    """Seconds that an episode may be led; while nothing is led they are not counted."""
     scripted: bool = False
     """A program leads through the page, which is recorded as such and never as a person."""
     lockstep: bool = False
-    """One control step for each message of the page, and none without: for machines that are too
-    slow for real time, and on a rig for drivers without hardware."""
+    """A control step for each message of the page that leads, and none without messages: for
+    machines that are too slow for real time, and on a rig for drivers without hardware."""
 
     def open(self, ending: ExitStack) -> tuple[TeleopDevice, Actor]:
         """Device of the operator, which `ending` lets go of, and the actor that is recorded."""

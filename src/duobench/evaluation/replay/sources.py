@@ -1,25 +1,30 @@
 """Sources of the viewer: a task, recorded episodes, and episodes of a run, finished or not."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
-from duobench.data import DataSet, ImageSource, Recording
+from duobench.core.types import OPENING_SLOTS, SIDES, DuoCommand
+from duobench.data import DataSet, EpisodeInfo, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
+from duobench.data.reviews import name_of
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
 from duobench.evaluation.replay.player import Latest, RecordPlayer, why_not
+from duobench.evaluation.replay.takes import UNUSED, Recorded, Take
 from duobench.evaluation.replay.trajectory import (
     SceneCache,
     Trajectory,
     TrajectoryRecorder,
 )
 from duobench.evaluation.replay.verification import disagreements
-from duobench.results.attempts import ERROR, FAILURE, SUCCESS
+from duobench.results.attempts import ERROR, FAILURE
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader
 from duobench.results.journal import end_of
@@ -31,8 +36,13 @@ from duobench.web.server import PageServer
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import View
+from duobench.world.sim.simulation import Simulation
 
 LAYOUTS = 20
+REAL_ARMS = (
+    "Real arms as they were measured, with open grippers; objects stand where the layout asked for "
+    "them. What really was there the videos beside the recording show."
+)
 FAILURES = 5
 """Failures that are listed, the latest first."""
 _LATEST = 20
@@ -52,6 +62,8 @@ class Item:
     detail: str = ""
     state: str = ""
     """End of the episode in words; empty for other items."""
+    take: Take | None = None
+    """What a second look shows of a recording."""
 
 
 class TaskSource:
@@ -85,7 +97,7 @@ class TaskSource:
 
 
 class DataSource:
-    """The episodes of a data set, as their recorded states are."""
+    """The episodes of a data set, as their recorded states are, for a second look at them."""
 
     def __init__(
         self,
@@ -94,35 +106,64 @@ class DataSource:
         tasks: Sequence[str] = (),
         view: View | None = None,
     ) -> None:
-        self._data, self._look = data, as_look(look)
+        self._data, self._look, self._tasks = data, as_look(look), tasks
         self.title = data.path.name
-        self._paths = {
-            f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)
-        }
-        self.items = [_recorded(name, path) for name, path in self._paths.items()]
         self._source: Latest[ImageSource] = Latest()
         self._scenes = SceneCache(view)
+        self._reviews = data.reviews
+        self._recorded: dict[str, Recorded] = {}
+        self._list()
+
+    @property
+    def items(self) -> list[Item]:
+        """The takes, as they stand now."""
+        return list(self._items.values())
+
+    def refresh(self, is_last: bool = False) -> dict[str, Any]:  # noqa: ARG002 - as of a run
+        """List new recordings, and what others have said about those that are there."""
+        if self._reviews.refresh() or len(self._files()) != len(self._recorded):
+            self._list()
+        return {}
+
+    def review(self, item: str, **said: Any) -> None:
+        """Write down what somebody says about a take; see `Reviews.add`."""
+        self._reviews.add(self._recorded[item].path, **said)
+        self._list()
+
+    def _files(self) -> list[Path]:
+        return self._data.episodes_of(self._tasks)
+
+    def _list(self) -> None:
+        before = self._recorded
+        self._recorded = {
+            name_of(path): before.get(name_of(path)) or Recorded.read(path)
+            for path in self._files()
+        }
+        self._items = {
+            name: _recorded(name, recorded.take(self._reviews))
+            for name, recorded in self._recorded.items()
+        }
 
     def load(self, item: str) -> Trajectory:
         """Collect the poses of every recorded state."""
-        recording = Recording.read(self._paths[item])
+        recording = Recording.read(self._recorded[item].path)
         info = recording.info
         task = catalog.get(self._data.reference(info))
-        if info.is_real:
-            raise EvaluationError(
-                "It was played on real arms, whose objects were not measured: there is no state of "
-                "a simulation to show."
-            )
         source = self._source.get(
             info.task, lambda: ImageSource(task, cameras=(), look=self._look)
         )
-        source.show(recording, 0)  # with the variants of its layout
+        show = source.show
+        note = ""
+        if info.is_real:
+            show = _picture_of(source.simulation, task, info)
+            note = REAL_ARMS
+        show(recording, 0)  # with the variants of its layout
         recorder = TrajectoryRecorder(self._scenes, self._look)
         recorder.begin(source.simulation, task, info.instruction, info.subinstructions)
         for row in range(len(recording) + 1):
-            source.show(recording, row)
+            show(recording, row)
             recorder.add(row, int(recording.stage[row]))
-        return recorder.trajectory()
+        return recorder.trajectory(note)
 
     def close(self) -> None:
         """Close the simulation."""
@@ -390,19 +431,32 @@ def open_view(
     return source
 
 
-def _recorded(name: str, path: Path) -> Item:
-    info = Recording.read_info(path)
-    outcome = info.outcome
-    succeeded = outcome is not None and outcome.success
-    actor = info.actor.name or str(info.actor.kind)
-    stage = "" if outcome is None else f", stage {outcome.stage} of {outcome.max_stage}"
-    state = SUCCESS if succeeded else FAILURE
-    detail = f"{actor}: {state}{stage}"
+def _picture_of(
+    simulation: Simulation, task: Task, info: EpisodeInfo
+) -> Callable[[Recording, int], None]:
+    """Return what shows real arms where they were measured, with grippers open.
+
+    Objects stand where the layout asked for them.
+    """
+    if info.seed is not None and info.split is not None:
+        simulation.apply(next(task.layouts(info.seed, info.split)))
+
+    def show(recording: Recording, row: int) -> None:
+        joints = np.delete(recording.agent_pos[row], OPENING_SLOTS)
+        command = DuoCommand(joints=joints.reshape(len(SIDES), -1), openings=np.ones(2))
+        simulation.duo.set_configuration(command)
+        simulation.forward()
+
+    return show
+
+
+def _recorded(name: str, take: Take) -> Item:
     return Item(
         id=name,
         title=name.replace("/", " "),
-        detail=detail,
-        state=state,
+        detail=str(take),
+        state=take.end if take.kept else UNUSED,
+        take=take,
     )
 
 

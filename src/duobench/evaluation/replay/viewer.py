@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DuoBenchError, MessageError
 from duobench.core.types import CONTROL_HZ
-from duobench.evaluation.replay.sources import ViewSource
+from duobench.data.reviews import MAX_TEXT
+from duobench.evaluation.replay.sources import DataSource, ViewSource
 from duobench.evaluation.replay.trajectory import Trajectory
-from duobench.web.messages import PageMessage, pack_frame
+from duobench.web.messages import PageMessage, SelectItem, pack_frame
 from duobench.web.server import PageServer
 
 MAX_TRAJECTORIES = 64
 """Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""
 _MAX_COMMANDS = 100
-MAX_ITEMS = 500
+MAX_ITEMS = 2000
 _MAX_LATE_S = 1.0
 """Seconds of a pause, such as without a visitor, after which it continues where it was."""
 _REFRESH_S = 1.0
@@ -32,16 +33,13 @@ _IDLE_S = 0.1
 """Seconds between looks for a ready episode or a new visitor."""
 
 
-class SelectItem(PageMessage, frozen=True, tag="select"):
-    """Show an item, from its beginning."""
-
-    id: Annotated[str, msgspec.Meta(max_length=300)]
+_Step = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
 
 
 class SeekStep(PageMessage, frozen=True, tag="seek"):
     """Go to a control step."""
 
-    step: Annotated[int, msgspec.Meta(ge=0, le=10**9)]
+    step: _Step
 
 
 class SetPlaying(PageMessage, frozen=True, tag="play"):
@@ -50,7 +48,18 @@ class SetPlaying(PageMessage, frozen=True, tag="play"):
     on: bool
 
 
-Command = SelectItem | SeekStep | SetPlaying
+class ReviewTake(PageMessage, frozen=True, tag="review"):
+    """What somebody says about a take, of those sources that take it; see `Reviews.add`."""
+
+    id: Annotated[str, msgspec.Meta(max_length=300)]
+    by: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)] = ""
+    kept: bool | None = None
+    note: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)] | None = None
+    rows: tuple[_Step, _Step] | None = None
+    undo: bool = False
+
+
+Command = SelectItem | SeekStep | SetPlaying | ReviewTake
 
 
 class Viewer:
@@ -130,8 +139,13 @@ class Viewer:
 
     def _on_message(self, command: Command) -> str | None:
         """Take a message, in the server's thread; any visitor of the page may choose."""
-        if isinstance(command, SelectItem) and command.id not in self._known:
+        if (
+            isinstance(command, SelectItem | ReviewTake)
+            and command.id not in self._known
+        ):
             raise MessageError(f"There is no {command.id!r} to show.")
+        if isinstance(command, ReviewTake) and not isinstance(self._source, DataSource):
+            raise MessageError("Nothing is said about episodes of a run.")
         try:
             self._commands.put_nowait(command)
         except queue.Full:
@@ -159,7 +173,23 @@ class Viewer:
                     self._show(0)
                 self._plays = on and self._last > 0
                 self._due = time.monotonic() + 1 / CONTROL_HZ
+            case ReviewTake():
+                self._review(command)
         self._publish()
+
+    def _review(self, command: ReviewTake) -> None:
+        if not isinstance(self._source, DataSource):
+            return
+        said = {
+            name: getattr(command, name)
+            for name in ("by", "kept", "note", "rows", "undo")
+        }
+        try:
+            self._source.review(command.id, **said)
+            self._note = "" if self._shown is None else self._shown.note
+        except DuoBenchError as error:
+            self._note = str(error)
+        self._list_items()
 
     # --- what is shown ---------------------------------------------------------------------------
 
@@ -227,7 +257,6 @@ class Viewer:
     def _publish(self) -> None:
         status: dict[str, Any] = {
             "title": self._title,
-            "items": self._items,
             "selected": self._selected,
             "note": self._note,
         }
@@ -247,4 +276,5 @@ class Viewer:
                 if self._last
                 else None,
             }
+        self._server.publish_items(self._items)
         self._server.publish_status(status | self._more)

@@ -18,7 +18,7 @@ import numpy as np
 
 from duobench.core.errors import BackendError, DuoBenchError, MessageError
 from duobench.core.randomness import TRAIN, episode_seed
-from duobench.core.types import CONTROL_HZ, DuoCommand
+from duobench.core.types import DuoCommand
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import placement
 from duobench.data.schema import AFTER_SUCCESS_S
@@ -27,7 +27,6 @@ from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import RealEnv, make_real_env
-from duobench.real.judge import HumanJudge
 from duobench.real.sessions import messages
 from duobench.real.sessions.operator import QUIT, Operator, hold_by_key
 from duobench.real.sessions.policy_runner import make_rig_recorder
@@ -48,16 +47,19 @@ from duobench.real.sessions.session import (
     TAKEN_OVER,
 )
 from duobench.real.sessions.status_page import SILENCE_S
+from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.intent import TeleopDevice
 from duobench.teleop.messages import Discard, Hands, Hold, Keep, Message
 from duobench.teleop.panel import LEAD, SOLVED as SOLVED_STEP, Button, Panel
+from duobench.teleop.plumb import PlumbLines
 from duobench.teleop.teleop_page import TeleopPage
 from duobench.teleop.teleoperation import (
     TIME_LIMIT_S,
     TITLES,
     Teleoperation,
     TeleopState,
+    horizon_of,
 )
 from duobench.web.geometry import Geometry
 from duobench.web.messages import PageMessage
@@ -90,6 +92,7 @@ def make_real_recorder(
     actor: Actor,
     *,
     action_mode: str = CARTESIAN.name,
+    time_limit_s: float = TIME_LIMIT_S,
     after_success: float = AFTER_SUCCESS_S,
 ) -> Recorder:
     """An environment on a rig, recorded with clutches, videos and review.
@@ -101,7 +104,7 @@ def make_real_recorder(
         task,
         cameras=(),
         action_mode=action_mode,
-        horizon=round(TIME_LIMIT_S * CONTROL_HZ),
+        horizon=horizon_of(time_limit_s),
     )
     return make_rig_recorder(
         env, duo, data, actor, after_success=after_success, has_clutch=True
@@ -122,7 +125,6 @@ class RigTeleoperation(Teleoperation):
         self, env: Recorder, device: TeleopDevice, operator: Operator, **options: Any
     ) -> None:
         self._operator, self._real = operator, cast("RealEnv", env.base)
-        self._judge: HumanJudge = env.get_wrapper_attr("judge")
         self._is_home = self._is_moving = self._has_ended = False
         self._is_stopped = False
         self._told = ""
@@ -151,12 +153,12 @@ class RigTeleoperation(Teleoperation):
                 stage = message.stage if isinstance(message, messages.Stage) else None
                 self._judge.declare(stage)
             case messages.Home() | messages.Placed():
-                self._check_state(TeleopState.PREPARING)
+                self._check_state(TeleopState.MAKING_READY)
                 # From now on, so that a hold that is pressed later takes it back.
                 with suppress(BackendError):  # it is said once it is tried
                     rig.supervisor.confirm()
             case messages.Activate() | messages.Open() | messages.Recover():
-                self._check_state(TeleopState.PREPARING)
+                self._check_state(TeleopState.MAKING_READY)
             case _:
                 pass
         super().receive(cast("Message", message), now_s)
@@ -183,7 +185,7 @@ class RigTeleoperation(Teleoperation):
             return
         button = self.panel.pressable.get(key)
         with suppress(DuoBenchError):  # such a key says nothing now
-            if key == QUIT and self.state is TeleopState.PREPARING:
+            if key == QUIT and self.state is TeleopState.MAKING_READY:
                 self._has_ended = True
             elif button is not None:
                 self.is_led_by_page = False
@@ -200,12 +202,12 @@ class RigTeleoperation(Teleoperation):
         """Steps of the session, and what may be pressed now."""
         state, lead = self.state, len(STEPS)
         steps = (*STEPS, LEAD, SOLVED_STEP)
-        if state is not TeleopState.PREPARING:
+        if state is not TeleopState.MAKING_READY:
             return Panel(
                 steps=steps,
                 now=self._step_of(state, lead),
                 title=TITLES[state],
-                todo=self._said,
+                todo=self._said(),
                 buttons=self._buttons(state),
                 can_hold=state not in {TeleopState.DECIDE, TeleopState.OVER},
             )
@@ -214,7 +216,7 @@ class RigTeleoperation(Teleoperation):
             steps=steps,
             now=now,
             title=steps[now] if not self._is_moving else "The arms move",
-            todo=MOVING if self._is_moving else f"{self.note} {todo}".strip(),
+            todo=MOVING if self._is_moving else f"{self._said()} {todo}".strip(),
             buttons=() if self._is_moving else buttons,
             can_hold=True,
         )
@@ -241,13 +243,14 @@ class RigTeleoperation(Teleoperation):
     def status(self) -> dict[str, Any]:
         """Return the fields of the page's message `status`, with what was pressed."""
         labels = self._judge.labels
-        return {**super().status(), "stage": labels.stage, "presses": labels.all}
+        more = {"stage": labels.stage, "presses": labels.all, "says_stages": True}
+        return {**super().status(), **more, "note": self.panel.todo}
 
     def _tell(self) -> None:
         """Say at the terminal what has changed."""
         panel = self.panel
         text = panel.text
-        if self.state is TeleopState.PREPARING and not self._is_moving:
+        if self.state is TeleopState.MAKING_READY and not self._is_moving:
             text += f"; {ENDS}"
         elif self.state is TeleopState.RECORDING:
             text += f"; 1 to {self._judge.max_stage}: this stage is reached; u: undo; space: hold"
@@ -270,7 +273,7 @@ class RigTeleoperation(Teleoperation):
         elif held is not None and self._is_solved:
             self._accept()
             self._next()
-        if self._has_ended and self._state is TeleopState.PREPARING:
+        if self._has_ended and self._state is TeleopState.MAKING_READY:
             self.env.discard()
             self._state, self.note = TeleopState.OVER, ENDED
         self._tell()
@@ -282,7 +285,7 @@ class RigTeleoperation(Teleoperation):
     @property
     def _is_at_home(self) -> bool:
         """Whether the arms wait at home for an episode to begin."""
-        is_placing = self._state is TeleopState.PREPARING and self._is_home
+        is_placing = self._state is TeleopState.MAKING_READY and self._is_home
         return is_placing or self._state is TeleopState.WAITING
 
     def _follow(self, message: PageMessage) -> None:
@@ -292,7 +295,7 @@ class RigTeleoperation(Teleoperation):
             case messages.Stage() | messages.Undo():
                 self._follow_judge()
             case _ if isinstance(message, _PREPARING):
-                self._prepare(message)
+                self._make_ready(message)
             case _:
                 super()._follow(cast("Message", message))
 
@@ -304,9 +307,9 @@ class RigTeleoperation(Teleoperation):
         if self._state is TeleopState.DECIDE:
             self._info = {**self._info, "stage": stage, "success": is_solved}
 
-    def _prepare(self, message: PageMessage) -> None:
+    def _make_ready(self, message: PageMessage) -> None:
         """Do a step before the episode; what hinders it is said."""
-        if self._state is not TeleopState.PREPARING:
+        if self._state is not TeleopState.MAKING_READY:
             return
         rig = self._real.rig
         self.note, self._is_moving = "", True
@@ -336,7 +339,7 @@ class RigTeleoperation(Teleoperation):
                 self._real.rig.home(with_object=True)
             super()._reset()
         finally:
-            self._state = TeleopState.PREPARING
+            self._state = TeleopState.MAKING_READY
         self._real.rig.supervisor.revoke()  # people's hands are among the objects now
         self._is_home = True
 
@@ -352,10 +355,10 @@ class RigTeleoperation(Teleoperation):
     def _reset(self) -> None:
         """Begin with the next layout: the arms are made ready for it first."""
         task = self._real.definition
-        seed = episode_seed(self.env.task, self._number, TRAIN)
+        seed = episode_seed(self.env.task, self._layout, TRAIN)
         self.layout = next(task.layouts(seed, TRAIN))
         """Layout of the episode, by which objects are placed."""
-        self._state, self._is_kept = TeleopState.PREPARING, False
+        self._state, self._is_kept = TeleopState.MAKING_READY, False
         self._is_home = self._is_paused = self._is_held = False
         self._info = {
             "instruction": self._instruction or task.instruct(self.layout),
@@ -365,27 +368,35 @@ class RigTeleoperation(Teleoperation):
             "success": False,
         }
         self._steps, self._stage_changes, self.note = 0, [], ""
+        self._limited = (False, False)
+        self.pace.begin()
         self._judge.begin()
 
     def _reset_options(self, seed: int) -> dict[str, Any]:
         return {**super()._reset_options(seed), LAYOUT: self.layout}
 
     def _instruct(self, text: str) -> None:
-        if self._state is TeleopState.PREPARING and not self._is_home:
+        if self._state is TeleopState.MAKING_READY and not self._is_home:
             self._instruction = text
             self._reset()
         else:
             super()._instruct(text)
 
     def _discard(self) -> None:
-        if self._state is not TeleopState.PREPARING:  # there is nothing yet
+        if self.state is not TeleopState.MAKING_READY:  # there is nothing yet
             super()._discard()
 
-    def _restore(self) -> None:
-        super()._restore()
-        if self._state is TeleopState.PREPARING and self.kept >= self._wanted:
-            self.env.discard()
-            self._end_session()
+    def _stand(self) -> bool:
+        """Keep both arms where they are, under control and unrecorded; whether nothing is wrong."""
+        self.env.pause()
+        rig = self._real.rig
+        rig.command(rig.last_command)
+        self._seen = rig.read()
+        return rig.held is None
+
+    def _is_at_rest(self, before: ProgressState) -> bool:  # noqa: ARG002
+        """Never: what the objects do is not known, so that the recording goes on for a while."""
+        return False
 
     def _keep(self) -> None:
         if self.state is TeleopState.RECORDING:
@@ -469,6 +480,9 @@ class RigTeleopPage(TeleopPage):
         if layout.poses:
             self._picture.apply(layout)
         return Geometry(self._picture.model)
+
+    def _new_lines(self) -> PlumbLines:
+        return PlumbLines(self._picture, has_objects=False)
 
     def _data(self) -> mujoco.MjData:
         # Linkages of grippers can be shown open only.

@@ -84,6 +84,15 @@ def clocks_in(predicates: Iterable[Predicate]) -> tuple[StepClock, ...]:
     )
 
 
+def _awaited(predicates: Iterable[Predicate]) -> dict[StepClock, int]:
+    """The control steps after which each clock of these predicates has nothing more to say."""
+    steps: dict[StepClock, int] = {}
+    for part in (part for predicate in predicates for part in predicate.walk()):
+        if isinstance(part, HeldFor):
+            steps[part.clock] = max(part.steps, steps.get(part.clock, 0))
+    return steps
+
+
 def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
     """Memories after a step. All of it sees the same step, so the order is free."""
     before = state.remembered
@@ -228,6 +237,7 @@ class Progress:
         self._memories = memories_in(constraints)
         self._remembered: frozenset[Memory] = frozenset()
         self._clocks = clocks_in(constraints)
+        self._awaited = _awaited(constraints)
         self._lasted: dict[StepClock, int] = {}
         self._start_heights: dict[str, float] = {}
         self._variants: Mapping[str, str] = {}
@@ -347,6 +357,20 @@ class Progress:
         self._past = {}
         self._judged = None
         self._recent.clear()
+
+    def counts_since(self, earlier: ProgressState) -> bool:
+        """Whether a clock has counted since an earlier state of which something is still awaited.
+
+        Then time alone may change what is reached, or what is to be done.
+        """
+        clocks = zip(self._clocks, earlier.lasted, strict=True)
+        return any(
+            before < self._lasted[clock] < self._awaited[clock]
+            for clock, before in clocks
+        ) or any(
+            before < lost < LOST_STEPS
+            for before, lost in zip(earlier.lost, self._lost, strict=True)
+        )
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""

@@ -5,11 +5,20 @@ from typing import Protocol
 
 import numpy as np
 
-from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array, DuoCommand, DuoState
+from duobench.core.types import (
+    CONTROL_HZ,
+    OPENING_SLOTS,
+    SIDES,
+    Array,
+    DuoCommand,
+    DuoState,
+)
 from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.teleop.intent import Intent
 from duobench.teleop.messages import Hold, Message
+from duobench.teleop.pace import Movement
+from duobench.world.robot.frames import tcp_poses
 
 ALIGNED = 0.35
 """Largest distance in radians of a leader's joint from the robot's for an episode to begin."""
@@ -20,6 +29,9 @@ OPEN = 0.5
 FADE_STEPS = round(CONTROL_HZ)
 """Control steps in which what is left between leader and robot is closed."""
 _JOINTS = np.delete(np.arange(len(JOINT_NAMES)), OPENING_SLOTS)
+TURNED, MOVED = 0.01, 0.001
+"""Change of a joint in radians, or of a tool's place in metres, from which on leaders lead."""
+_NOISE = [TURNED] * len(_JOINTS) + [MOVED] * 3 * len(SIDES)
 
 
 class JointSource(Protocol):
@@ -50,7 +62,7 @@ class LeaderDevice:
 
     An episode begins where the leaders are brought near to the robot with open grippers, and then
     moved. What is left between them is closed within a second; the same is done when leaders that
-    did not answer come back.
+    did not answer come back, or that rested move again.
     """
 
     action_mode = JOINT.name
@@ -61,7 +73,8 @@ class LeaderDevice:
         self._armed: Array | None = None
         self._offset = np.zeros(len(JOINT_NAMES))
         self._fade = 0
-        self._is_following = False
+        self._is_following = self._is_leading = False
+        self._movement = Movement(_NOISE)
         self.dropped = 0
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
@@ -80,7 +93,7 @@ class LeaderDevice:
         """A new episode waits until the leaders are where the robot is."""
         self._where = command.flat
         self._armed = None
-        self._is_following = False
+        self._is_following = self._is_leading = False
 
     def take(self, message: Message, arrival_s: float) -> None:  # noqa: ARG002
         """Hands on a page move nothing while leader arms lead; a hold lets go."""
@@ -126,15 +139,20 @@ class LeaderDevice:
         """The leaders' joints; where they do not answer, the robot stays."""
         sample = self._read(now_s)
         if sample is None:
-            self._is_following = False
-            return Intent(action=command.flat, clutch=(False, False))
-        if not self._is_following:
-            self._is_following, self._fade = True, FADE_STEPS
+            self._is_following = self._is_leading = False
+            return Intent(action=command.flat, clutch=(False, False), leads=False)
+        joints = sample[_JOINTS]
+        places = tcp_poses(joints)[:, :3].ravel()
+        has_moved = self._movement.sees(np.concatenate([joints, places]))
+        leads = has_moved or not self._is_following or self._fade > 0
+        if leads and not self._is_leading:
+            self._fade = FADE_STEPS
             self._offset = command.flat - sample
+        self._is_following, self._is_leading = True, leads
         self._fade = max(0, self._fade - 1)
         action = sample + (self._fade / FADE_STEPS) * self._offset
         action[list(OPENING_SLOTS)] = np.clip(action[list(OPENING_SLOTS)], 0.0, 1.0)
-        return Intent(action=action, clutch=(True, True))
+        return Intent(action=action, clutch=(True, True), leads=leads)
 
     def _read(self, now_s: float) -> Array | None:
         sample = self._source.read()

@@ -2,6 +2,11 @@
 
 const [WIDTH, HEIGHT] = [1024, 448]; // pixels of the text
 const PLACE = { x: 1.25, halfWidth: 0.36, low: 0.45, high: 0.765 }; // in the world, in m
+const MARGIN = 32;
+const SIZES = { first: 54, others: 40 }; // of letters, where there is room for them
+const SMALLER = 0.94;
+const LEADING = 1.25; // of a row, as a multiple of its letters
+const DEPTH = 0.3; // of letters below their line
 const INK = "#e8e6e1";
 const PAPER = "#1b1f23";
 
@@ -27,6 +32,8 @@ export class Board {
   #texture;
   #paper = new OffscreenCanvas(WIDTH, HEIGHT);
   #shown = null;
+  /** Rows of the text, `{row, size, font, y}`: what is written how large, and on which line. */
+  rows = [];
 
   constructor(gl) {
     this.#gl = gl;
@@ -36,7 +43,12 @@ export class Board {
     this.show([]);
   }
 
-  /** Write lines on the board, the first in large letters; long ones are wrapped. */
+  /** What is on it. */
+  get paper() {
+    return this.#paper;
+  }
+
+  /** Write lines on the board, the first in large letters, so large that all of them fit. */
   show(lines) {
     const text = lines.join("\n");
     if (text === this.#shown) return;
@@ -45,12 +57,11 @@ export class Board {
     pen.fillStyle = PAPER;
     pen.fillRect(0, 0, WIDTH, HEIGHT);
     pen.fillStyle = INK;
-    let y = 20;
-    lines.forEach((line, number) => {
-      const size = number ? 40 : 54;
-      pen.font = `${number ? "" : "600 "}${size}px system-ui, sans-serif`;
-      for (const row of wrapped(pen, line)) pen.fillText(row, 32, (y += size * 1.25));
-    });
+    this.rows = fitted(pen, lines);
+    for (const { font, row, y } of this.rows) {
+      pen.font = font;
+      pen.fillText(row, MARGIN, y);
+    }
     const gl = this.#gl;
     gl.bindTexture(gl.TEXTURE_2D, this.#texture);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, this.#paper);
@@ -108,12 +119,42 @@ export class Board {
   }
 }
 
+/** Lines in rows of the largest letters with which all of them are on the board. */
+function fitted(pen, lines) {
+  for (let scale = 1; ; scale *= SMALLER) {
+    const rows = laidOut(pen, lines, scale);
+    const last = rows.at(-1);
+    if (!last || last.y + DEPTH * last.size <= HEIGHT - MARGIN) return rows;
+  }
+}
+
+function laidOut(pen, lines, scale) {
+  let y = MARGIN / 2 - 4;
+  return lines.flatMap((line, number) => {
+    const size = scale * (number ? SIZES.others : SIZES.first);
+    const font = `${number ? "" : "600 "}${size}px system-ui, sans-serif`;
+    pen.font = font;
+    return wrapped(pen, line).map((row) => ({ row, size, font, y: (y += LEADING * size) }));
+  });
+}
+
 function wrapped(pen, line) {
+  const fits = (text) => pen.measureText(text).width <= WIDTH - 2 * MARGIN;
   const rows = [""];
-  for (const word of line.split(/\s+/)) {
+  for (const word of line.split(/\s+/).flatMap((word) => broken(word, fits))) {
     const longer = rows.at(-1) ? `${rows.at(-1)} ${word}` : word;
-    if (pen.measureText(longer).width <= WIDTH - 64) rows[rows.length - 1] = longer;
+    if (fits(longer)) rows[rows.length - 1] = longer;
     else rows.push(word);
   }
   return rows;
+}
+
+/** A word in parts that fit into a row. */
+function broken(word, fits) {
+  const parts = [""];
+  for (const letter of word) {
+    if (fits(parts.at(-1) + letter)) parts[parts.length - 1] += letter;
+    else parts.push(letter);
+  }
+  return parts;
 }

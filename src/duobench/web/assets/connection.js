@@ -1,6 +1,29 @@
 // The connection of a page to its server.
 
-const RETRY_MS = [500, 1000, 2000, 4000]; // until the server is called again
+const RETRY_MS = [100, 500, 1000, 2000, 4000]; // until the server is called again
+const NAME = "duobench-page"; // in the storage of this tab
+
+/**
+ * The name by which the server knows this page again after a cut, and after it was reloaded.
+ *
+ * It lies in the storage of the tab only between two pages of it: a tab that is doubled copies the
+ * storage, and is another page.
+ */
+function pageName() {
+  const store = (act) => {
+    try {
+      return act(sessionStorage);
+    } catch {
+      return null; // a browser may keep no storage for a page
+    }
+  };
+  let name = store((storage) => storage.getItem(NAME));
+  name ??= [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16)).join("");
+  store((storage) => storage.removeItem(NAME));
+  addEventListener("pagehide", () => store((storage) => storage.setItem(NAME, name)));
+  addEventListener("pageshow", () => store((storage) => storage.removeItem(NAME)));
+  return name;
+}
 
 /** A connection that is made anew when it is lost; speaks like a WebSocket, events included. */
 export class Connection extends EventTarget {
@@ -13,6 +36,7 @@ export class Connection extends EventTarget {
     const url = new URL("/ws", location.href);
     url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
     url.search = location.search; // holds the token
+    url.searchParams.set("page", pageName());
     return new Connection(url.href);
   }
 

@@ -4,23 +4,18 @@
 // changes while a hand is squeezed moves a tool.
 
 import { Latency } from "./latency.js";
+import { Pair } from "./pair.js";
+import { IDENTITY, multiply, quaternion } from "./turning.js";
 
 const PERIOD_MS = 1000 / 60; // between two messages
 const STALL_MS = 250; // a page that stood still for longer lets go: nobody steered meanwhile
 const MEANT = 0.05; // a squeeze or trigger of a controller that is no rest
 const BACKLOG_BYTES = 1024; // what may wait in the socket; more would arrive stale
 
-const multiply = ([a, b, c, d], [w, x, y, z]) => [
-  a * w - b * x - c * y - d * z,
-  a * x + b * w + c * z - d * y,
-  a * y - b * z + c * w + d * x,
-  a * z + b * y - c * x + d * w,
-];
-
 /** The hand that mouse, keys and gamepad move in place of a real one. */
 export class Hand {
   #position = [0, 0, 0];
-  #rotation = [1, 0, 0, 0];
+  #rotation = IDENTITY;
   #holders = new Map(); // device → time at which it lets go by itself
   #triggers = new Map(); // device → 0..1
   #start = null; // the pose at which the hand was squeezed, until a message has said it
@@ -36,6 +31,10 @@ export class Hand {
 
   release(device) {
     this.#holders.delete(device);
+  }
+
+  get isHeld() {
+    return this.#holders.size > 0;
   }
 
   isHeldBy(device) {
@@ -58,8 +57,7 @@ export class Hand {
 
   /** Turn by an angle about an axis of length one, given in the world. */
   turn(axis, angle) {
-    const [x, y, z] = axis.map((value) => value * Math.sin(angle / 2));
-    const turned = multiply([Math.cos(angle / 2), x, y, z], this.#rotation);
+    const turned = multiply(quaternion(axis, angle), this.#rotation);
     const length = Math.hypot(...turned);
     this.#rotation = turned.map((value) => value / length);
     this.#moved = true;
@@ -73,6 +71,11 @@ export class Hand {
   press(device, value) {
     if (value !== (this.#triggers.get(device) ?? 0)) this.#acting.add(device);
     this.#triggers.set(device, value);
+  }
+
+  /** Close the gripper further by a share, or open it by a negative one. */
+  squeezeBy(device, share) {
+    this.press(device, Math.min(1, Math.max(0, this.trigger + share)));
   }
 
   /** Let go, with an open gripper. */
@@ -100,6 +103,15 @@ export class Hand {
     this.#start = null;
     const squeeze = start || this.#holders.size || this.#moved ? 1 : 0;
     if (!start) this.#moved = false;
+    return this.#said(start, squeeze);
+  }
+
+  /** The hand as open, as long as that has to be said first. */
+  opened() {
+    return this.#said(this.#start, 0);
+  }
+
+  #said(start, squeeze) {
     const pose = start ?? [...this.#position, ...this.#rotation];
     const buttons = { keep: false, discard: false, restore: false, recentre: false };
     return { pose, sure: true, squeeze, trigger: this.trigger, buttons };
@@ -115,11 +127,17 @@ export class Hands {
   tracked = null;
   /** Objects with `update(seconds, now)`, asked before each message. */
   devices = [];
-  /** Called with "left" or "right" when another arm becomes the active one. */
+  /** Called when another arm becomes the active one, or both move in another way. */
   onActive = () => {};
+  /** Places of both tools in the world, `{left: [x, y, z], right: …}`, where they are known. */
+  tools = {};
   /** How long it takes from a message to the picture that shows what it did. */
   latency = new Latency();
   #virtual = { left: new Hand(), right: new Hand() };
+  #mirrored = new Pair(this, true);
+  #together = new Pair(this, false);
+  #isMirrored = true;
+  #mustOpen = true; // until a message has said so: a squeeze counts after a release
   #socket;
   #active = "right";
   #isDriving = false;
@@ -143,7 +161,7 @@ export class Hands {
     return this.#virtual.right;
   }
 
-  /** The side that mouse, arrow keys and sticks move. */
+  /** What mouse, arrow keys and sticks move: "left", "right" or "both". */
   get active() {
     return this.#active;
   }
@@ -151,13 +169,46 @@ export class Hands {
   set active(side) {
     if (side === this.#active) return;
     this.letGo();
+    if (side === "both") this.#mirrored.lead = this.#active;
     this.#active = side;
-    this.onActive(side);
+    this.onActive();
   }
 
-  /** The hand of the active side. */
+  /** The sides that are moved. */
+  get sides() {
+    return this.#active === "both" ? ["left", "right"] : [this.#active];
+  }
+
+  /** The side of the tool that the pointer leads; also while both are moved. */
+  get lead() {
+    return this.#active === "both" ? this.#mirrored.lead : this.#active;
+  }
+
+  /** The hand of the active side, or what stands for both. */
   get hand() {
-    return this.#virtual[this.#active];
+    if (this.#active !== "both") return this.#virtual[this.#active];
+    return this.#isMirrored ? this.#mirrored : this.#together;
+  }
+
+  /** Both hands as if they held one thing. */
+  get together() {
+    return this.#together;
+  }
+
+  /** Where the tool is that the pointer leads; undefined where that is not known. */
+  get place() {
+    return this.#active === "both" ? this.hand.place : this.tools[this.#active];
+  }
+
+  /** Whether both mirror each other, instead of going as one thing. */
+  get isMirrored() {
+    return this.#isMirrored;
+  }
+
+  set isMirrored(value) {
+    this.letGo();
+    this.#isMirrored = value;
+    this.onActive();
   }
 
   get isDriving() {
@@ -174,6 +225,7 @@ export class Hands {
   letGo() {
     this.left.letGo();
     this.right.letGo();
+    this.#mustOpen = true;
   }
 
   /** Both hands let go and their grippers open, as an episode begins. */
@@ -184,7 +236,12 @@ export class Hands {
 
   /** Send a message without a hand in it, such as "keep". */
   say(kind) {
-    if (this.#isDriving) this.#socket.send(JSON.stringify({ kind }));
+    if (this.#isDriving) this.tell(kind);
+  }
+
+  /** The same, also while another drives. */
+  tell(kind) {
+    this.#socket.send(JSON.stringify({ kind }));
   }
 
   /** Ask the devices and send a message where one is due; to be called all the time. */
@@ -200,12 +257,16 @@ export class Hands {
     const isWorn = this.tracked && Object.values(this.tracked).some(isActing);
     const virtual = this.tracked ? [] : [...this.left.takeActing(), ...this.right.takeActing()];
     const devices = [...new Set(isWorn ? ["headset"] : virtual)];
-    const { left, right } = this.tracked ?? {
-      left: this.left.sample(now),
-      right: this.right.sample(now),
-    };
+    const { left, right } = this.tracked ?? this.#sampled(now);
     const message = { kind: "hands", sent: now, seq: this.#seq++, left, right, devices };
     this.#socket.send(JSON.stringify(message));
     this.latency.sent(now);
+  }
+
+  #sampled(now) {
+    const { left, right } = this;
+    if (!this.#mustOpen) return { left: left.sample(now), right: right.sample(now) };
+    this.#mustOpen = false;
+    return { left: left.opened(), right: right.opened() };
   }
 }

@@ -1,5 +1,6 @@
 // A headset: its controllers are the hands, and its eyes see the scene, in VR or on a real table.
 
+import { gestureOf } from "./bare_hands.js";
 import { Board } from "./board.js";
 
 const HEAD = [0.0113, 0.001, 0.695]; // where the robot's head camera is, in the world, in m
@@ -8,6 +9,8 @@ const LIFT = 0.1; // m/s, of a real table's height by a stick
 const LEAST_TURN = 0.05; // metres to point away before that turns the table
 const PRESSED = 0.5;
 const RELEASED = 0.3; // a grip, before it may squeeze again
+const ASKED_MS = 1000; // how long something is held that asks for something
+const SIDES = ["left", "right"];
 const BUTTON = { trigger: 0, squeeze: 1, stick: 3, keep: 4, other: 5 }; // mapping xr-standard
 const PLACING = [
   "Place the table",
@@ -52,12 +55,44 @@ function worldInRoom([x, y, z], heading) {
   return new XRRigidTransform({ x, y, z }, orientation);
 }
 
+/** Something that counts once it was held long enough, after it was seen released. */
+class LongPress {
+  #isArmed = false;
+  #what = null;
+  #since = 0;
+
+  /** Held so far, as a share of the time that it takes. */
+  share = 0;
+
+  /** What is held now, or null: returns it once, when it was held long enough. */
+  update(what, now) {
+    if (what !== this.#what) this.#since = now;
+    this.#what = what;
+    if (what === null) this.#isArmed = true;
+    const isHeld = what !== null && this.#isArmed;
+    this.share = isHeld ? Math.min(1, (now - this.#since) / ASKED_MS) : 0;
+    if (this.share < 1) return null;
+    this.forget();
+    return what;
+  }
+
+  /** It must be released first. */
+  forget() {
+    this.#isArmed = false;
+    this.share = 0;
+  }
+}
+
 /** One session at a time, in which `hands.tracked` are the controllers. */
 export class Headset {
   /** Called when a session has begun or ended. */
   onChange = () => {};
-  /** What the board in the scene says; the first line is the largest. */
-  lines = [];
+  /** Gives what the board in the scene says, by what is held and whether hands are bare. */
+  words = () => [];
+  /** Called with what a person asks for by holding on: "drive", "keep" or "discard". */
+  onAsk = () => {};
+  /** State of the episode, as the server says it. */
+  state = null;
   #gl;
   #scene;
   #hands;
@@ -70,6 +105,11 @@ export class Headset {
   #isUnsettled = true; // until the viewer was put where the robot's head is
   #mustRelease = { left: true, right: true };
   #clicked = { left: false, right: false };
+  #mustOpen = { left: false, right: false }; // a trigger, before its gripper follows it again
+  #isBare = false; // whether hands without controllers are tracked
+  #isHolding = false; // both sticks are clicked
+  #asked = new LongPress();
+  #moment = ""; // in which something may be asked for
   #time = 0;
 
   constructor({ canvas, scene, hands }) {
@@ -77,6 +117,11 @@ export class Headset {
     this.#scene = scene;
     this.#hands = hands;
     canvas.addEventListener("webglcontextrestored", () => (this.#board = null));
+  }
+
+  /** What the board in the scene says; the first line is the largest. */
+  get lines() {
+    return this.words({ asked: this.#asked.share, isBare: this.#isBare });
   }
 
   get isWorn() {
@@ -87,7 +132,10 @@ export class Headset {
   async enter(mode) {
     this.#isSeeThrough = mode === "immersive-ar";
     const space = this.#isSeeThrough ? "local-floor" : "local";
-    const session = await navigator.xr.requestSession(mode, { requiredFeatures: [space] });
+    const session = await navigator.xr.requestSession(mode, {
+      requiredFeatures: [space],
+      optionalFeatures: ["hand-tracking"],
+    });
     this.#session = session;
     session.addEventListener("end", () => this.#ended());
     try {
@@ -152,7 +200,9 @@ export class Headset {
     }
     if (this.#placing) this.#placeTable(frame, viewer, seconds);
     else if (this.#isUnsettled) this.#placeViewer(viewer);
-    this.#hands.tracked = this.#read(frame);
+    const hands = this.#read(frame);
+    this.#ask(hands, time);
+    this.#hands.tracked = hands;
     this.#hands.tick();
     this.#draw(frame);
   }
@@ -175,7 +225,7 @@ export class Headset {
   #placeTable(frame, viewer, seconds) {
     const placing = this.#placing;
     const sources = [...frame.session.inputSources].filter((source) => source.gamepad);
-    const value = (source) => source.gamepad.buttons[BUTTON.trigger].value;
+    const value = (source) => source.gamepad.buttons[BUTTON.trigger]?.value ?? 0;
     const points = placing.origin
       ? (source) => source.handedness === placing.side
       : (source) => value(source) > PRESSED;
@@ -214,37 +264,79 @@ export class Headset {
 
   #read(frame) {
     const hands = { left: null, right: null };
+    const clicked = { left: false, right: false };
+    this.#isBare = false;
     if (frame.session.visibilityState !== "visible" || this.#isUnsettled) return hands;
     for (const source of frame.session.inputSources) {
       const side = source.handedness;
-      if (!(side in hands) || !source.gripSpace || !source.gamepad) continue;
-      const pose = frame.getPose(source.gripSpace, this.#world);
-      if (pose) hands[side] = this.#hand(side, pose, source.gamepad.buttons);
+      if (!(side in hands)) continue;
+      if (source.hand) {
+        const found = gestureOf(frame, source.hand, this.#world);
+        this.#isBare ||= found !== null;
+        hands[side] ??= found && this.#hand(side, found.pose, found);
+      } else if (source.gripSpace && source.gamepad) {
+        const pose = frame.getPose(source.gripSpace, this.#world);
+        const pressed = this.#pressed(side, source.gamepad.buttons);
+        clicked[side] = pressed.buttons.recentre;
+        if (pose) hands[side] = this.#hand(side, pose, pressed);
+      }
     }
+    this.#click(clicked);
     return hands;
   }
 
-  #hand(side, pose, buttons) {
+  #pressed(side, buttons) {
     const isPressed = (name) => buttons[BUTTON[name]]?.pressed ?? false;
-    const squeeze = buttons[BUTTON.squeeze]?.value ?? 0;
-    if (squeeze < RELEASED) this.#mustRelease[side] = false;
-    const recentre = isPressed("stick");
-    if (recentre && !this.#clicked[side]) this.#unsettle();
-    this.#clicked[side] = recentre;
-    const { position, orientation } = pose.transform;
     return {
-      pose: [...[position.x, position.y, position.z], orientation.w]
-        .concat([orientation.x, orientation.y, orientation.z]),
-      sure: !pose.emulatedPosition,
-      squeeze: this.#mustRelease[side] ? 0 : squeeze,
+      squeeze: buttons[BUTTON.squeeze]?.value ?? 0,
       trigger: buttons[BUTTON.trigger]?.value ?? 0,
       buttons: {
         keep: isPressed("keep"),
         discard: side === "right" && isPressed("other"),
         restore: side === "left" && isPressed("other"),
-        recentre,
+        recentre: isPressed("stick"),
       },
     };
+  }
+
+  /** A click of a stick puts the view anew; that of both holds the arms. */
+  #click(clicked) {
+    const isNew = SIDES.some((side) => clicked[side] && !this.#clicked[side]);
+    if (isNew) this.#unsettle();
+    this.#clicked = clicked;
+    const isHolding = clicked.left && clicked.right;
+    if (isHolding && !this.#isHolding) this.#hands.tell("hold");
+    this.#isHolding = isHolding;
+  }
+
+  #hand(side, { transform, emulatedPosition }, { squeeze, trigger, buttons }) {
+    if (squeeze < RELEASED) this.#mustRelease[side] = false;
+    if (trigger < RELEASED) this.#mustOpen[side] = false;
+    const { position, orientation } = transform;
+    return {
+      pose: [...[position.x, position.y, position.z], orientation.w]
+        .concat([orientation.x, orientation.y, orientation.z]),
+      sure: !emulatedPosition,
+      squeeze: this.#mustRelease[side] ? 0 : squeeze,
+      trigger: this.#mustOpen[side] ? 0 : trigger,
+      buttons,
+    };
+  }
+
+  /** Look whether a trigger, or a pinch, was held for so long that it asks for something. */
+  #ask(hands, now) {
+    const { isDriving } = this.#hands;
+    const moment = `${isDriving} ${this.state}`;
+    if (moment !== this.#moment) this.#asked.forget();
+    this.#moment = moment;
+    const held = SIDES.filter((side) => hands[side]?.trigger > PRESSED);
+    const judged = this.#isBare && this.state === "decide" && held.length === 1;
+    const what = judged && (held[0] === "right" ? "keep" : "discard");
+    const asked = isDriving ? what || null : held.length ? "drive" : null;
+    const found = this.#asked.update(asked, now);
+    if (!found) return;
+    this.#mustOpen = { left: true, right: true };
+    this.onAsk(found);
   }
 
   #draw(frame) {

@@ -4,7 +4,87 @@ import { Gamepads } from "./gamepad.js";
 import { Hands } from "./hands.js";
 import { Headset, support } from "./headset.js";
 import { Mouse } from "./mouse.js";
+import { Words } from "./words.js";
 
+const SIMULATION = "simulation"; // kinds of pages
+const DEMONSTRATIONS = "demonstrations"; // of real arms, whose stages a person says
+const VIEWS = "look from in front, the head, above, the side, behind the tool";
+/**
+ * What keys do while the scene is in focus: `keys` gives each its value for the act of `mouse.js`,
+ * `shown` and `does` are the line of the list, `on` is the kind of page if not both have it.
+ */
+const KEYS = [
+  {
+    act: "lead",
+    keys: { 1: "left", 2: "right", 3: "both" },
+    shown: "1, 2, 3",
+    does: "left arm, right arm, both",
+    on: SIMULATION,
+  },
+  { act: "next", keys: { Tab: "" }, shown: "Tab", does: "left arm, both, right arm, one by one" },
+  {
+    act: "mirror",
+    keys: { m: "" },
+    shown: "M",
+    does: "both arms: mirrored, or as if they held one thing",
+  },
+  {
+    act: "steer",
+    keys: {
+      ArrowRight: ["right", 1],
+      ArrowLeft: ["right", -1],
+      ArrowUp: ["away", 1],
+      ArrowDown: ["away", -1],
+      PageUp: ["up", 1],
+      PageDown: ["up", -1],
+    },
+    shown: "Arrow keys, Page Up, Page Down",
+    does: "move the tool along the table, up and down; with Shift turn it",
+  },
+  {
+    act: "steer",
+    keys: { q: ["upright", 1], e: ["upright", -1] },
+    shown: "Q, E",
+    does: "turn it about the vertical",
+  },
+  { shown: "Space", does: "hold: both hands let go, both arms stand still" },
+  {
+    shown: "1 to 9, U",
+    does: "this stage is reached; take the latest one back",
+    on: DEMONSTRATIONS,
+  },
+  { act: "fine", keys: { c: "" }, shown: "C, held", does: "a quarter of every motion" },
+  {
+    act: "grip",
+    keys: { g: "left", j: "right" },
+    shown: "G, J",
+    does: "left, right gripper: tap to close or open, hold for as long as you hold",
+  },
+  { shown: "C and G or J; Shift and G or J", does: "close, open it by a quarter" },
+  // Far from all that drives.
+  { act: "say", keys: { y: "keep" }, shown: "Y", does: "keep the episode" },
+  {
+    act: "say",
+    keys: { Backspace: "discard", p: "restore" },
+    shown: "Backspace, P",
+    does: "discard it; put the last discarded one back",
+  },
+  {
+    act: "say",
+    keys: { r: "alone" },
+    shown: "R",
+    does: "let the world run though you do not lead, or no longer",
+  },
+  { shown: "6, 7, 8, 9, 0", does: VIEWS, on: SIMULATION },
+  { shown: "Shift and 6, 7, 8, 9, 0", does: VIEWS, on: DEMONSTRATIONS },
+  { shown: "+, -; F", does: "camera nearer, farther; full screen" },
+  {
+    act: "leave",
+    keys: { Escape: "" },
+    shown: "Escape, or Shift and Tab",
+    does: "leave the scene, to reach the rest of the page",
+  },
+];
 const CONTROLS = {
   "Mouse, with the pointer on the scene": [
     ["Drag", "move the tool as you see it"],
@@ -12,24 +92,13 @@ const CONTROLS = {
     ["Shift and drag, Shift and wheel", "turn it"],
     ["Drag with the right button, or Ctrl and wheel", "move the camera"],
   ],
-  "Keys, while the scene is in focus": [
-    ["1, 2 or Tab", "left arm, right arm, or the other one"],
-    ["Arrow keys, Page Up, Page Down", "move the tool along the table, up and down"],
-    ["Shift and these", "turn it"],
-    ["Q, E", "turn it about the vertical"],
-    ["Space", "hold both arms"],
-    ["1 to 9, U", "on real arms: this stage is reached; take the latest back"],
-    ["F, J", "left, right gripper: tap to close or open, hold for as long as you hold"],
-    ["Y", "keep the episode"],
-    ["Backspace, P", "discard it; put the last discarded one back"],
-    ["+, -, 0", "camera nearer, farther, or as at first"],
-    ["Escape, or Shift and Tab", "leave the scene, to reach the rest of the page"],
-  ],
   Gamepad: [
     ["Left stick", "move the tool along the table"],
     ["Right stick", "up and down; sideways: turn it"],
     ["A and the sticks", "turn it about all axes"],
-    ["Bumpers", "left arm, right arm"],
+    ["Bumpers", "left arm, right arm; both at once: both arms"],
+    ["Both arms", "each stick its tool; with A up, down and about the vertical"],
+    ["Both arms and B", "as one thing, by both sticks as one arm"],
     ["Triggers", "left, right gripper"],
     ["Start, Back", "keep or discard the episode"],
     ["Y", "put the last discarded one back"],
@@ -40,6 +109,13 @@ const CONTROLS = {
     ["A or X", "keep the episode"],
     ["B, Y", "discard it; put the last discarded one back"],
     ["Click a stick", "put the view, or the table, anew"],
+    ["Click both sticks", "hold the arms"],
+    ["Trigger for 1 s", "drive, or take over, while you do not drive"],
+  ],
+  "Bare hands in a headset": [
+    ["Close middle, ring and little finger", "as a grip: move the tool with your hand"],
+    ["Thumb and index finger", "the gripper, as far as they are apart"],
+    ["Pinch for 1 s at the end", "keep it with the right hand, discard it with the left one"],
   ],
 };
 const DRIVING = {
@@ -47,7 +123,7 @@ const DRIVING = {
   ariaLabel: "The table and the robot in 3D. Keys move the arms; Controls lists them.",
 };
 const TICK_MS = 8; // how often it is asked whether a message is due
-const SIDES = ["left", "right"];
+const ARMS = { left: "Left arm", right: "Right arm", both: "Both arms" };
 const WORN = { "immersive-vr": "Enter VR", "immersive-ar": "Enter AR" };
 
 /** An element with attributes and children. */
@@ -58,34 +134,53 @@ function build(name, attributes = {}, ...children) {
   return element;
 }
 
-/** The list of controls, folded. */
-function help() {
-  const parts = Object.entries(CONTROLS).map(([device, rows]) => {
-    const list = build("dl");
-    for (const [what, does] of rows) list.append(build("dt", {}, what), build("dd", {}, does));
-    return build("section", {}, build("h2", {}, device), list);
-  });
-  return build("details", { class: "help" }, build("summary", {}, "Controls"), ...parts);
+/** The keys of a kind of page. */
+function keysOf(kind) {
+  return KEYS.filter(({ on = kind }) => on === kind);
 }
 
-const HINTS = {
-  waiting: "Hold a grip: its arm follows your hand. The trigger closes the gripper.",
-  decide: "A or X keeps the episode, B discards it.",
-};
+/** The acts of these keys by key, as `mouse.js` takes them. */
+function actsOf(rows) {
+  return new Map(
+    rows.flatMap(({ act, keys = {} }) =>
+      Object.entries(keys).map(([key, value]) => [key, [act, value]]),
+    ),
+  );
+}
 
-/** What the board in the scene says of a status of the server. */
-function lines({ instruction, next, stage, max_stage, state, kept, wanted, discarded, panel }, ms) {
-  const said = (value) => value !== undefined && value !== null;
-  const facts = [
-    said(stage) && said(max_stage) && `stage ${stage} of ${max_stage}`,
-    state,
-    said(kept) && (said(wanted) ? `${kept} of ${wanted} kept` : `${kept} kept`),
-    said(ms) && `hand to picture ${Math.round(ms)} ms`,
-  ];
-  const line = facts.filter(Boolean).join(" · ");
-  const bin = discarded > 0 && `${discarded} discarded; Y puts the last one back.`;
-  const step = panel && `${panel.now + 1} ${panel.title}: ${panel.todo || HINTS[state] || ""}`;
-  return [instruction, next && `Next: ${next}`, line, step ?? HINTS[state], bin].filter(Boolean);
+/** What is known in this browser of the one before it; null where it keeps nothing. */
+function kept(name, value) {
+  try {
+    if (value !== undefined) localStorage.setItem(name, value);
+    return localStorage.getItem(name);
+  } catch {
+    return null;
+  }
+}
+
+/** The list of controls, open until somebody folds it. */
+class Help {
+  element = build("details", { class: "help" });
+
+  constructor() {
+    this.element.open = kept("duobench-controls") !== "folded";
+    this.element.addEventListener("toggle", () =>
+      kept("duobench-controls", this.element.open ? "open" : "folded"),
+    );
+  }
+
+  /** List what these rows of keys do, among the rest. */
+  show(rows) {
+    const [mouse, ...others] = Object.entries(CONTROLS);
+    const keys = rows.map(({ shown, does }) => [shown, does]);
+    const parts = [mouse, ["Keys, while the scene is in focus", keys], ...others];
+    const sections = parts.map(([device, lines]) => {
+      const list = build("dl");
+      for (const [what, does] of lines) list.append(build("dt", {}, what), build("dd", {}, does));
+      return build("section", {}, build("h2", {}, device), list);
+    });
+    this.element.replaceChildren(build("summary", {}, "Controls"), ...sections);
+  }
 }
 
 /**
@@ -103,29 +198,54 @@ export function startInputs({ scene, orbit, socket, status, element }) {
   hands.devices = [mouse, gamepads];
   const panel = new Panel({ hands, headset });
   status.append(panel.element);
+  const words = new Words();
+  headset.words = (more) => words.onBoard({ ...more, ms: hands.latency.ms });
+  headset.onAsk = (what) => {
+    if (what === "drive") hands.tell(words.isTaken ? "take_over" : "drive");
+    else hands.say(what);
+  };
+
+  let kind = null;
+  const adapt = (found) => {
+    if (found === kind) return;
+    kind = found;
+    const rows = keysOf(kind);
+    mouse.keys = actsOf(rows);
+    panel.help.show(rows);
+  };
+  adapt(SIMULATION);
 
   const watching = { role: element.role, ariaLabel: element.ariaLabel };
   const drive = (isDriving) => {
     hands.isDriving = isDriving;
     panel.show(isDriving);
     Object.assign(element, isDriving ? DRIVING : watching);
+    panel.say(words.onPage());
   };
   let state = null;
   const receive = {
-    role: (message) => drive(message.role === "driver"),
+    role(message) {
+      words.role = message;
+      drive(message.role === "driver");
+    },
     status(message) {
-      mouse.tools = message.tools ?? mouse.tools;
-      mouse.declaresStages = message.presses !== undefined;
-      headset.lines = lines(message, hands.latency.ms);
+      words.status = message;
+      hands.tools = message.tools ?? hands.tools;
+      headset.state = message.state;
+      adapt(message.says_stages ? DEMONSTRATIONS : SIMULATION);
       if (message.state === "waiting" && state !== "waiting") hands.open();
       state = message.state ?? state;
+      panel.say(words.onPage());
     },
     pulse({ side, strength, ms }) {
       headset.pulse(side, strength, ms);
       gamepads.pulse(strength, ms);
     },
   };
-  socket.addEventListener("close", () => drive(false));
+  socket.addEventListener("close", () => {
+    words.cut();
+    drive(false);
+  });
   socket.addEventListener("message", ({ data }) => {
     if (typeof data !== "string") return;
     const message = JSON.parse(data);
@@ -136,33 +256,49 @@ export function startInputs({ scene, orbit, socket, status, element }) {
   return { hands, headset };
 }
 
-/** Which arm is moved, ways into a headset, and the list of controls. */
+/** What is to be done, which arm is moved, ways into a headset, and the list of controls. */
 class Panel {
+  help = new Help();
   #arms;
+  #said = build("p", { role: "status" });
 
   constructor({ hands, headset }) {
-    const arm = (side) => {
-      const name = side === "left" ? "Left arm" : "Right arm";
-      const button = build("button", { type: "button" }, name);
-      button.addEventListener("click", () => (hands.active = side));
-      return button;
+    const button = (name, act) => {
+      const made = build("button", { type: "button" }, name);
+      made.addEventListener("click", act);
+      return made;
     };
-    const buttons = SIDES.map(arm);
-    const mark = () =>
-      SIDES.forEach((side, i) => buttons[i].setAttribute("aria-pressed", side === hands.active));
+    const arms = Object.entries(ARMS).map(([side, name]) => [
+      side,
+      button(name, () => (hands.active = side)),
+    ]);
+    const mirrored = button("Mirrored", () => (hands.isMirrored = !hands.isMirrored));
+    const mark = () => {
+      for (const [side, each] of arms) each.setAttribute("aria-pressed", side === hands.active);
+      mirrored.setAttribute("aria-pressed", hands.isMirrored);
+      mirrored.hidden = hands.active !== "both";
+    };
     hands.onActive = mark;
     mark();
+    const buttons = [...arms.map(([, each]) => each), mirrored];
     this.#arms = build("div", { role: "group", "aria-label": "Arm that is moved" }, ...buttons);
     const worn = build("div", { role: "group", "aria-label": "Headset" });
     this.element = build("section", { class: "inputs", "aria-label": "Controls" });
-    this.element.append(this.#arms, worn, help());
+    this.element.append(this.#said, this.#arms, worn, this.help.element);
     this.show(false);
+    this.say("");
     this.#offer(worn, headset);
   }
 
   /** Show what only a driver needs, or hide it. */
   show(isDriving) {
     this.#arms.hidden = !isDriving;
+  }
+
+  /** Say what is to be done, or nothing. */
+  say(text) {
+    if (this.#said.textContent !== text) this.#said.textContent = text;
+    this.#said.hidden = !text;
   }
 
   async #offer(place, headset) {

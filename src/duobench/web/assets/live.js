@@ -2,10 +2,14 @@
 
 import { Cameras } from "./cameras.js";
 import { Connection } from "./connection.js";
+import { Insets } from "./insets.js";
+import { Marks } from "./marks.js";
 import { Status } from "./status.js";
 import { View } from "./view.js";
+import { Views } from "./views.js";
 
-const PING_MS = 2000;
+const PING_MS = 250;
+const POSE = 7; // numbers of a body
 const FRAME_HEAD = 24; // bytes of a frame before its poses
 
 /** What comes from the server, on the page. */
@@ -17,14 +21,27 @@ class Live {
   #scene = null; // name of the one that is shown
   #waiting = null; // poses that came before their scene
   #inputs = null; // what drives, once it was loaded
+  #hands = null; // a part of it
+  #insets;
+  #marks;
+  #views;
   #latency = null; // of what drives
   #run = null; // what shows a run that goes on, once it was loaded
+  #takes = null; // what takes a second look at recordings, once it was loaded
+  #items = [];
+  #selected = null;
 
   constructor() {
     const canvas = document.querySelector("canvas");
     this.#view = new View(canvas);
     const isCovered = () => this.#view.isCovered();
-    this.#cameras = new Cameras(document.querySelector("#cameras"), isCovered);
+    const cameras = document.querySelector("#cameras");
+    this.#cameras = new Cameras(cameras, isCovered);
+    this.#insets = new Insets(cameras);
+    this.#marks = new Marks(document.querySelector(".screen"));
+    this.#insets.mark = (...where) => this.#marks.into(...where);
+    this.#view.onBegin = (gl, took) => this.#insets.paint(gl, this.#view.scene, took);
+    this.#view.onDraw = () => this.#drawMarks();
     this.#connection = Connection.home();
     this.#status = new Status(document, (message) => this.#connection.tell(message));
     this.#connection.addEventListener("open", () => {
@@ -47,8 +64,14 @@ class Live {
     if (message.kind === "scene") this.#load(message);
     else if (message.kind === "status") {
       this.#status.show(message);
+      this.#selected = message.selected;
+      this.#offer();
       if (message.run) this.#follow(message);
+      this.#marks.limited = message.limited ?? {};
       if (message.clutch && !this.#inputs) this.#inputs = this.#loadInputs();
+    } else if (message.kind === "items") {
+      this.#items = message.items;
+      this.#offer();
     } else if (message.kind === "cameras") this.#cameras.show(message.cameras);
     else if (message.kind === "role") this.#status.showRole(message);
     else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
@@ -67,6 +90,9 @@ class Live {
       const file = await answer.arrayBuffer();
       if (name !== this.#scene) return; // another one came meanwhile
       await this.#view.load(file);
+      const { cameras } = this.#view.scene.header;
+      this.#insets.build(cameras);
+      if (this.#views && cameras) this.#views.cameras = cameras;
       if (this.#waiting) this.#view.scene.setPoses(this.#waiting);
     } catch (error) {
       this.#status.fail(error.message);
@@ -74,10 +100,12 @@ class Live {
   }
 
   #place(frame) {
-    const poses = new Float32Array(frame, FRAME_HEAD);
-    this.#waiting = poses;
-    this.#view.scene.setPoses(poses);
     const head = new DataView(frame);
+    const count = POSE * head.getUint32(12, true);
+    const poses = new Float32Array(frame, FRAME_HEAD, count);
+    this.#waiting = poses;
+    this.#marks.place(new Float32Array(frame, FRAME_HEAD + 4 * count));
+    this.#view.scene.setPoses(poses);
     this.#status.showStep(head.getUint32(8, true));
     this.#latency?.arrived(head.getFloat64(16, true));
   }
@@ -94,9 +122,36 @@ class Live {
     });
     this.#view.isCovered = () => headset.isWorn;
     this.#latency = hands.latency;
-    this.#view.onDraw = () => hands.latency.drawn((call) => requestAnimationFrame(call));
+    this.#view.onDraw = () => {
+      this.#drawMarks();
+      hands.latency.drawn((call) => requestAnimationFrame(call));
+    };
+    this.#hands = hands;
+    this.#view.scene.isLitFromAbove = true;
+    this.#views = new Views({
+      bar: document.querySelector(".views"),
+      page: document.querySelector("main"),
+      orbit: this.#view.orbit,
+      active: () => hands.lead,
+      tool: (side) => this.#marks.tool(side),
+    });
+    this.#views.cameras = this.#view.scene.header?.cameras ?? [];
     this.#status.latency = () => hands.latency.ms;
     this.#status.canBeDriven();
+  }
+
+  #drawMarks() {
+    const canvas = document.querySelector("canvas");
+    this.#marks.active = this.#insets.active = this.#hands?.isDriving ? this.#hands.sides : [];
+    this.#marks.draw(this.#view.orbit, canvas.clientWidth, canvas.clientHeight);
+  }
+
+  /** What can be chosen; a second look at takes is loaded only where there are some. */
+  async #offer() {
+    if (!this.#items[0]?.take) return this.#status.offer(this.#items, this.#selected);
+    const tell = (message) => this.#connection.tell(message);
+    this.#takes ??= import("./takes.js").then(({ Takes }) => new Takes(document, tell));
+    (await this.#takes).show(this.#items, this.#selected);
   }
 
   /** A run that goes on; what shows it is loaded only where there is one. */

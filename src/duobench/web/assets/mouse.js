@@ -11,21 +11,9 @@ const WHEEL_MS = 250; // how long a turn of the wheel keeps the hand squeezed
 const STEP = { move: 0.005, turn: 0.05 }; // a tap of a key, in m and rad
 const SPEED = { move: 0.15, turn: 0.8 }; // a key held down, in m/s and rad/s
 const TAP_MS = 300; // what is pressed for longer is held
-const FINE = 0.25; // of all this, while the space bar is held
-const STEERING = {
-  ArrowRight: ["right", 1],
-  ArrowLeft: ["right", -1],
-  ArrowUp: ["away", 1],
-  ArrowDown: ["away", -1],
-  PageUp: ["up", 1],
-  PageDown: ["up", -1],
-  q: ["upright", 1],
-  e: ["upright", -1],
-};
-const GRIPPERS = { f: "left", j: "right" };
-const ARMS = { 1: "left", 2: "right" };
-// Two keys or more from all that drive; y is far from them on German and French keyboards too.
-const SAYS = { y: "keep", Backspace: "discard", p: "restore" };
+const FINE = 0.25; // of all this, while its key is held
+const OPENING = 0.25; // of a gripper, a step
+const NEXT = { right: "left", left: "both", both: "right" };
 
 /** What a key is called here: letters are small, whether Shift is held or not. */
 function nameOf({ key }) {
@@ -34,22 +22,31 @@ function nameOf({ key }) {
 
 /** Moves the active hand by mouse and keys, on an element that shows what `orbit` sees. */
 export class Mouse {
-  /** Places of both tools in the world, `{left: [x, y, z], right: …}`, where they are known. */
-  tools = {};
-  /** Whether the digits say which stage is reached. */
-  declaresStages = false;
+  /** What a key does, by the key: the name of an act of `#acts`, and what it is given. */
+  keys = new Map();
   #element;
   #orbit;
   #hands;
   #drag = null;
-  #keys = new Map(); // key of `STEERING` held down → when it was pressed
+  #keys = new Map(); // steering key held down → when it was pressed
   #grippers = new Map(); // gripper's key held down → when it was pressed
   #share = 1; // of every motion
+  #acts;
 
   constructor({ element, orbit, hands }) {
     this.#element = element;
     this.#orbit = orbit;
     this.#hands = hands;
+    this.#acts = {
+      leave: () => element.blur(),
+      lead: (side) => (hands.active = side),
+      next: () => (hands.active = NEXT[hands.active]),
+      mirror: () => (hands.isMirrored = !hands.isMirrored),
+      fine: () => (this.#share = FINE),
+      say: (word) => hands.say(word),
+      grip: (side, event, key) => this.#grip(side, event, key),
+      steer: (way, event, key) => this.#steer(key, event.shiftKey),
+    };
     // Captured, so that a camera on the same element gets only what is left over.
     const listen = (target, type, method) =>
       target.addEventListener(
@@ -83,7 +80,7 @@ export class Mouse {
 
   /** Metres in the plane of the view, at the depth of the active tool, that a pixel shows. */
   get #metresAPixel() {
-    const [x, y, z] = this.tools[this.#hands.active] ?? TABLE;
+    const [x, y, z] = this.#hands.place ?? TABLE;
     const view = this.#orbit.view;
     const depth = -(view[2] * x + view[6] * y + view[10] * z + view[14]);
     return (2 * Math.max(depth, LEAST_DEPTH)) / (this.#orbit.projection[5] * this.#element.clientHeight);
@@ -138,33 +135,22 @@ export class Mouse {
   #keydown(event) {
     if (!this.#isMine(event)) return false;
     const key = nameOf(event);
-    const now = performance.now();
-    if (key === "Escape") {
-      this.#element.blur();
-    } else if (key === "Tab") {
-      if (event.shiftKey || event.target !== this.#element) return false; // the way out
-      this.#hands.active = this.#hands.active === "left" ? "right" : "left";
-    } else if (key in ARMS && !this.declaresStages) {
-      this.#hands.active = ARMS[key];
-    } else if (key in SAYS) {
-      if (!event.repeat) this.#hands.say(SAYS[key]);
-    } else if (key in GRIPPERS) {
-      if (!event.repeat) this.#toggle(key, now);
-    } else if (key in STEERING) {
-      if (!event.repeat) this.#steer(key, event.shiftKey, now);
-    } else {
-      return false;
-    }
+    const [act, value] = this.keys.get(key) ?? [];
+    if (!act) return false;
+    const isWayOut = event.shiftKey || event.target !== this.#element;
+    if (act === "next" && isWayOut) return false;
+    if (!event.repeat) this.#acts[act](value, event, key);
     return true;
   }
 
   #keyup(event) {
     const key = nameOf(event);
+    const [act, value] = this.keys.get(key) ?? [];
+    if (act === "fine") this.#share = 1;
     if (this.#keys.delete(key)) this.#hands.hand.release(key);
     const since = this.#grippers.get(key);
     this.#grippers.delete(key);
-    const now = performance.now();
-    if (since !== undefined && now - since > TAP_MS) this.#toggle(key, now, false);
+    if (since !== undefined && performance.now() - since > TAP_MS) this.#toggle(value);
     return false;
   }
 
@@ -174,15 +160,25 @@ export class Mouse {
     return event.target === this.#element || event.target === document.body;
   }
 
-  #toggle(key, now, isDown = true) {
-    const hand = this.#hands[GRIPPERS[key]];
-    hand.press("keys", hand.trigger > 0.5 ? 0 : 1);
-    if (isDown) this.#grippers.set(key, now);
+  /** A tap closes or opens; with Shift it opens by a step, with the fine key it closes by one. */
+  #grip(side, event, key) {
+    const hand = this.#hands[side];
+    if (event.shiftKey) hand.squeezeBy("keys", -OPENING);
+    else if (this.#share < 1) hand.squeezeBy("keys", OPENING);
+    else {
+      this.#toggle(side);
+      this.#grippers.set(key, performance.now());
+    }
   }
 
-  #steer(key, isTurning, now) {
+  #toggle(side) {
+    const hand = this.#hands[side];
+    hand.press("keys", hand.trigger > 0.5 ? 0 : 1);
+  }
+
+  #steer(key, isTurning) {
     this.#hands.hand.hold(key);
-    this.#keys.set(key, now);
+    this.#keys.set(key, performance.now());
     this.#isTurning = isTurning;
     this.#step(key, STEP, 1);
   }
@@ -190,7 +186,7 @@ export class Mouse {
   #isTurning = false;
 
   #step(key, amount, times) {
-    const [axis, direction] = STEERING[key];
+    const [axis, direction] = this.keys.get(key)[1];
     const sign = direction * this.#share;
     const hand = this.#hands.hand;
     const angle = sign * amount.turn * times;

@@ -18,6 +18,7 @@ export class Orbit {
   onChange = () => {};
   #element;
   #start = { eye: [2.35, -1.35, 1.42], target: [0.23, 0.04, 0.1], fovy: 37 };
+  #fovy;
   #target;
   #distance;
   #azimuth;
@@ -46,7 +47,12 @@ export class Orbit {
 
   /** Look as at first. */
   reset() {
-    const { eye, target } = this.#start;
+    this.aim(this.#start);
+  }
+
+  /** Look from an eye to a target for now. */
+  aim({ eye, target, fovy }) {
+    this.#fovy = fovy;
     const [x, y, z] = eye.map((value, i) => value - target[i]);
     this.#target = [...target];
     this.#distance = Math.hypot(x, y, z);
@@ -109,7 +115,7 @@ export class Orbit {
   }
 
   get #tangent() {
-    return Math.tan((this.#start.fovy * Math.PI) / 360) * Math.max(1, WIDE / this.#aspect);
+    return Math.tan((this.#fovy * Math.PI) / 360) * Math.max(1, WIDE / this.#aspect);
   }
 
   #turn(across, down) {

@@ -4,6 +4,7 @@ import { DEPTH_FRAGMENT, DEPTH_VERTEX, FRAGMENT, VERTEX } from "./shaders.js";
 
 const SHADOW_TEXELS = 1024; // side of the shadow map
 const SHADOW_DEPTH = 3; // metres along the light on both sides of the middle
+const DOWN = [0, 0, -1];
 const LIGHTS = 4; // as many as the shader knows
 const PLANES = [
   // attribute, numbers, bytes a vertex
@@ -42,6 +43,8 @@ export class Scene {
   #content = null;
   #loads = 0;
   #poses = null;
+  #given = null;
+  #isFromAbove = false;
   #programs;
   #array;
   #buffers = [];
@@ -70,7 +73,7 @@ export class Scene {
     if (load !== this.#loads) return; // another one was asked for meanwhile
     this.#content = content;
     this.header = content.header;
-    this.#poses = null;
+    this.#poses = this.#given = null;
     this.#upload();
     this.onChange();
   }
@@ -85,7 +88,23 @@ export class Scene {
       block.set([x, y, z, 0, i, j, k, w], 8 * (body + 1));
     }
     this.#poses = block;
+    this.#given = poses;
     this.#place();
+    this.onChange();
+  }
+
+  /** The poses as they were given last; null before that. */
+  get poses() {
+    return this.#given;
+  }
+
+  /** Have shadows fall straight down, whatever the light's place: below each tool lies its own. */
+  set isLitFromAbove(isSo) {
+    if (isSo === this.#isFromAbove) return;
+    this.#isFromAbove = isSo;
+    if (!this.#content) return;
+    this.#light();
+    this.#isShadowOld = true;
     this.onChange();
   }
 
@@ -173,7 +192,10 @@ export class Scene {
   /** Set what is the same in every image of this scene. */
   #light() {
     const gl = this.#gl;
-    const { ambient, lights, shadow } = this.header;
+    const { ambient, shadow } = this.header;
+    const lights = this.header.lights.map((each) =>
+      each.shadow && this.#isFromAbove ? { ...each, direction: DOWN } : each,
+    );
     const light = lights.find((each) => each.shadow);
     const shine = light ? lightMatrix(light.direction, shadow) : new Float32Array(16);
     const known = lights.slice(0, LIGHTS);

@@ -6,6 +6,13 @@ import { letHold, Panel } from "./panel.js";
 const STATES = { playing: "Playing", paused: "Paused" }; // where no panel says it
 
 const JUDGED = ["recording", "success", "paused", "decide"]; // where stages are declared
+const WORLD = {
+  led: "runs as you lead",
+  resting: "runs until all is at rest",
+  alone: "runs alone",
+  standing: "stands still",
+};
+const RUNNING = ["recording", "success"]; // where it can
 
 /** Fills the page; `tell` sends a message to the server. */
 export class Status {
@@ -22,6 +29,7 @@ export class Status {
   #isDrivable = false;
   #isDriver = false;
   #role = null;
+  #name = null; // pseudonym under which this page drives, or is to
 
   constructor(page, tell) {
     this.#page = page;
@@ -32,6 +40,7 @@ export class Status {
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
     this.#panel = new Panel(page, tell);
     letHold(this.#part("#hold"), tell, () => this.#last.panel?.can_hold);
+    this.#part("#alone").addEventListener("click", () => tell({ kind: "alone" }));
     this.#part("#drive").addEventListener("click", () => {
       const isTaken = this.#role?.drivers > 0;
       tell({ kind: isTaken ? "take_over" : "drive" });
@@ -39,6 +48,11 @@ export class Status {
     this.#part("#wording").addEventListener("submit", (event) => {
       event.preventDefault();
       tell({ kind: "instruction", text: this.#part("#wording input").value.trim() });
+    });
+    this.#part("#who").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#name = this.#part("#who input").value.trim();
+      if (this.#isDriver) tell({ kind: "operator", name: this.#name });
     });
   }
 
@@ -50,26 +64,33 @@ export class Status {
 
   show(status) {
     this.#last = status;
-    const { title, task, instruction, next, state, note, success, panel } = status;
+    if (this.#isDriver) this.#name = status.operator ?? null;
+    const { title, task, instruction, next, state, note, success, pace, panel } = status;
+    const stands = state === "recording" && pace === "standing";
     const name = title ?? task;
     if (name) document.title = `${name} · DuoBench`;
     this.#write("h1", name ?? "DuoBench");
     this.#write(".instruction", instruction);
     this.#write(".next", next && `Next: ${next}`);
-    this.#write(".state", panel?.title ?? STATES[state] ?? state);
-    this.#part(".state").dataset.state = success ? "success" : (state ?? "");
+    const words = panel?.title ?? STATES[state] ?? state;
+    this.#write(".state", stands ? "Standing still: lead on" : words);
+    this.#part(".state").dataset.state = success ? "success" : stands ? "" : (state ?? "");
     this.#write(".note", panel?.todo ?? note);
     this.#part("#holding").hidden = !panel;
     this.#showStages(status);
     this.#showFacts(status);
-    this.#showItems(status.items ?? [], status.selected);
     this.#showTimeline(status);
     this.#showDriving();
   }
 
   showRole(role) {
+    const wasDriver = this.#isDriver;
     this.#role = role;
     this.#isDriver = role.role === "driver";
+    if (this.#isDriver && !wasDriver && this.#name !== null) {
+      this.#tell({ kind: "operator", name: this.#name });
+    }
+    if (this.#isDriver) this.#name ??= this.#last.operator ?? null;
     this.#showDriving();
   }
 
@@ -104,17 +125,21 @@ export class Status {
     this.#chips.show(words, stage, ever);
   }
 
-  #showFacts({ count, kept, wanted, discarded, latency_ms: served, lost, clutch }) {
+  #showFacts(status) {
+    const { count, kept, wanted, discarded, latency_ms: served, lost, clutch } = status;
+    const { state, pace, led_s: led, limit_s: limit } = status;
     const seen = this.latency();
     const said = (ms) => (ms === null || ms === undefined ? null : `${Math.round(ms)} ms`);
     const held = clutch && ["left", "right"].filter((side) => clutch[side]);
     const facts = {
       Episode: count,
+      Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
+      World: RUNNING.includes(state) ? WORLD[pace] : undefined,
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
       Discarded: discarded || null,
       "Hand to picture": said(seen),
       "Of it on the server": seen === null ? null : said(served),
-      "Samples lost": lost,
+      "Moments of your hands too late to count": lost,
       Clutch: held && (held.length ? `${held.join(" and ")} closed` : "open"),
     };
     const rows = Object.entries(facts)
@@ -123,8 +148,8 @@ export class Status {
     this.#part(".facts").replaceChildren(...rows);
   }
 
-  /** A list of what can be shown. */
-  #showItems(items, selected) {
+  /** Offer what can be shown, in a list. */
+  offer(items, selected) {
     const text = JSON.stringify([items, selected]);
     if (text === this.#items) return;
     this.#items = text;
@@ -155,7 +180,10 @@ export class Status {
   #showDriving() {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
-    const driving = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const { state, wording = "", operator, operators = [], panel } = this.#last;
+    const as = drivers && operator ? ` as ${operator}` : "";
+    const who = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
+    const driving = who + as;
     const words = [
       this.#isDrivable && driving,
       watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
@@ -166,13 +194,25 @@ export class Status {
     const isTaken = !this.#isDriver && this.#role?.drivers > 0;
     drive.hidden = this.#isDriver;
     drive.textContent = isTaken ? "Take over" : "Drive";
-    const { instruction, panel } = this.#last;
     if (panel) this.#panel.show(panel, this.#isDriver);
     this.#showJudging();
-    const wording = this.#part("#wording");
-    wording.hidden = !this.#isDriver;
-    const input = wording.querySelector("input");
-    if (document.activeElement !== input) input.value = instruction ?? "";
+    const alone = this.#part("#alone");
+    alone.hidden = !this.#isDriver || !this.#last.pace || !RUNNING.includes(state);
+    alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
+    this.#part("#wording").hidden = !this.#isDriver;
+    this.#fill("#wording input", wording);
+    this.#part("#who").hidden = operator === undefined;
+    this.#fill("#who input", (this.#isDriver ? operator : this.#name) ?? operator ?? "");
+    const known = operators.map((name) => make("option", { value: name }));
+    if (this.#part("#operators").childElementCount !== known.length) {
+      this.#part("#operators").replaceChildren(...known);
+    }
+  }
+
+  /** Show what is set, unless somebody is typing. */
+  #fill(selector, text) {
+    const input = this.#part(selector);
+    if (document.activeElement !== input) input.value = text;
   }
 
   /** Stages that a person declares; what takes them is loaded only where one does. */

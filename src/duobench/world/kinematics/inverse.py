@@ -119,16 +119,18 @@ class ArmKinematics:
         """Joint targets (7,) for the step towards a tool pose; see `Kinematics.step`."""
         import mink
 
-        start = np.clip(joints, self._low, self._high)
+        start = np.minimum(np.maximum(joints, self._low), self._high)
         goal = within_reach(self._side, target)
         self._tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
-        enough = (1.0 - LEAST_PROGRESS) * self._error(start, posture)
+        self._configuration.update(start)
+        residual = self._tool.compute_qp_residual(self._configuration)
         last = None if before is None else joints - before
-        change = self._change(start, dt, posture, last)
+        change = self._change(residual, start, dt, posture, last)
         if change is None:
             return start
         if last is not None:  # the arm moves on, and cannot stop at once
             return start + change
+        enough = (1.0 - LEAST_PROGRESS) * _objective(residual[1], start - posture)
         for _ in range(SHORTENINGS + 1):
             if self._error(start + change, posture) < enough:
                 return start + change
@@ -136,12 +138,17 @@ class ArmKinematics:
         return start
 
     def _change(
-        self, start: Array, dt: float, posture: Array, last: Array | None
+        self,
+        residual: tuple[Array, Array, float],
+        start: Array,
+        dt: float,
+        posture: Array,
+        last: Array | None,
     ) -> Array | None:
-        """The best step from `start`, where the configuration is; None if DAQP finds none."""
+        """The best step from `start`, where the tool's residual is known; None without one."""
         import daqp
 
-        weighted, error, damping = self._tool.compute_qp_residual(self._configuration)
+        weighted, error, damping = residual
         pull = POSTURE_COST**2
         linear = pull * POSTURE_GAIN * (start - posture) - error @ weighted
         if last is not None:
@@ -162,16 +169,23 @@ class ArmKinematics:
         high = np.minimum(most, LIMIT_GAIN * (self._high - start))
         if last is None:
             return low, high
-        return np.clip(last - MAX_CHANGE, low, high), np.clip(
-            last + MAX_CHANGE, low, high
+        slowest, fastest = last - MAX_CHANGE, last + MAX_CHANGE
+        return (
+            np.minimum(np.maximum(slowest, low), high),
+            np.minimum(np.maximum(fastest, low), high),
         )
 
     def _error(self, joints: Array, posture: Array) -> float:
-        """Objective of a solution: the squared errors of tool and posture, by their costs."""
+        """Objective of a solution."""
         self._configuration.update(joints)
         tool = self._tool.cost * self._tool.compute_error(self._configuration)
-        pulled = POSTURE_COST * (joints - posture)
-        return float(tool @ tool) + float(pulled @ pulled)
+        return _objective(tool, joints - posture)
+
+
+def _objective(tool: Array, from_posture: Array) -> float:
+    """The squared errors of tool (6,), weighted already, and of posture (7,), by its cost."""
+    pulled = POSTURE_COST * from_posture
+    return float(tool @ tool) + float(pulled @ pulled)
 
 
 class Kinematics:

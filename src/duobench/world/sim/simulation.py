@@ -93,7 +93,7 @@ STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 SETTLE_SPEED = 0.005
 SETTLE_ANGULAR_SPEED = 0.1
-"""Every object is slower than this (m/s, rad/s) when a reset ends, if it comes to rest in time."""
+"""Every object at rest is slower than this, in m/s and rad/s, as when a reset ends in time."""
 MAX_SETTLE_STEPS = 45
 """A reset waits at most this many control steps for objects to come to rest."""
 
@@ -302,11 +302,14 @@ class Simulation(Questions):
         while steps < MAX_SETTLE_STEPS and not is_settled:
             self.advance(command)
             steps += 1
-            is_settled = bool(
-                (np.abs(self.data.qvel[self._loose]) < self._settled).all()
-            )
+            is_settled = self.is_settled
         self.data.time = 0.0
         return steps
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether every object is at rest."""
+        return bool((np.abs(self.data.qvel[self._loose]) < self._settled).all())
 
     # --- props ---------------------------------------------------------------------------------
 
