@@ -87,7 +87,7 @@ class Bench:
     def make_ready(self) -> None:
         """Press at the terminal what leads to the next step, until an episode waits."""
         self.pressed = ""
-        while self.session.state is TeleopState.PREPARING:
+        while self.session.state is TeleopState.MAKING_READY:
             assert len(self.pressed) < 10, self.session.panel
             (key,) = (each.key for each in self.session.panel.buttons if each.is_next)
             self.pressed += key
@@ -288,7 +288,7 @@ def test_arms_that_are_held_before_an_episode_begins_go_home_again(tmp_path: Pat
     bench.send()
     bench.duo.hold(CONNECTION_LOST)
     bench.lead(5)
-    assert bench.session.state is TeleopState.PREPARING
+    assert bench.session.state is TeleopState.MAKING_READY
     assert CONNECTION_LOST in bench.session.panel.todo
     bench.make_ready()
     bench.lead(5)
@@ -309,7 +309,7 @@ def test_solved_is_kept_where_the_session_ends_before_the_recording(
         bench.duo.hold(CONNECTION_LOST)
         bench.session.leave(bench.turn / CONTROL_HZ)
         bench.advance()
-        assert bench.session.state is TeleopState.PREPARING
+        assert bench.session.state is TeleopState.MAKING_READY
     else:
         bench.session.stop()
     bench.session.close()
@@ -410,7 +410,7 @@ def test_page_leads_from_grippers_that_are_off_to_a_kept_episode(tmp_path: Path)
             for _ in range(12):
                 bench.send(1.0, 0.03)
     assert bench.session.kept == 1
-    assert bench.session.state is TeleopState.PREPARING
+    assert bench.session.state is TeleopState.MAKING_READY
     bench.session.close()
     (episode,) = DataSet(tmp_path).recordings()
     assert episode.info.outcome is not None
@@ -427,7 +427,7 @@ def test_page_without_a_sign_holds_the_arms_that_it_sent_home(tmp_path: Path) ->
             page.say(kind="home")
             wait_until(lambda: bench.session._inbox._waiting)
             bench.advance()
-    assert bench.session.state is TeleopState.PREPARING
+    assert bench.session.state is TeleopState.MAKING_READY
     assert "gave no sign" in bench.session.panel.todo
     assert list(of_task(DataSet(tmp_path), TASK)) == []
     bench.session.close()

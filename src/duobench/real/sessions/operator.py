@@ -15,7 +15,7 @@ from duobench.real.sessions.preparing import (
     TO_HOME,
     TO_PLACE,
     clear,
-    find_obstacle,
+    find_hindrance,
 )
 from duobench.real.sessions.session import HELD_BY_OPERATOR, Phase, RigSession, Stopped
 from duobench.teleop.panel import Button
@@ -72,11 +72,11 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
     That is a fault, a gripper that is not active, and what the hands hold. Who has looked presses a
     key for each; any that counts at once holds the fingers.
     """
-    while (obstacle := find_obstacle(duo)) is not None:
+    while (hindrance := find_hindrance(duo)) is not None:
         buttons = {
-            each.key: each for each in obstacle.buttons if each.id != CARRY
+            each.key: each for each in hindrance.buttons if each.id != CARRY
         }  # objects are taken first
-        key = operator.ask(asking(obstacle.todo, buttons), f"{''.join(buttons)}{QUIT}")
+        key = operator.ask(asking(hindrance.todo, buttons), f"{''.join(buttons)}{QUIT}")
         if key == QUIT:
             return False
         try:

@@ -26,7 +26,7 @@ PLACED_BUTTON = Button(
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Obstacle:
+class Hindrance:
     """Something that keeps the arms from moving."""
 
     todo: str
@@ -37,7 +37,7 @@ class Obstacle:
     """Buttons that clear it, the best first."""
 
 
-def find_obstacle(duo: FrankaDuo) -> Obstacle | None:
+def find_hindrance(duo: FrankaDuo) -> Hindrance | None:
     """Return what has to be cleared first; None where the arms may go home."""
     inactive, holding = duo.hands.to_activate, duo.hands.holding
     activate = Button(
@@ -60,17 +60,17 @@ def find_obstacle(duo: FrankaDuo) -> Obstacle | None:
         if inactive:
             todo += f" To activate the {_named(inactive)} gripper may clear it. {BETWEEN_FINGERS}"
             buttons = (recover, replace(activate, is_next=False))
-        return Obstacle(todo=todo, why_not="a fault stands", buttons=buttons)
+        return Hindrance(todo=todo, why_not="a fault stands", buttons=buttons)
     if inactive:
         which = _named(inactive)
-        return Obstacle(
+        return Hindrance(
             todo=f"Not active since it was switched on: the {which} gripper. {BETWEEN_FINGERS}",
             why_not=f"the {which} gripper is not active",
             buttons=(activate,),
         )
     if holding:
         which = _named(holding)
-        return Obstacle(
+        return Hindrance(
             todo=f"The {which} hand holds something. Take it before you open the hand: it drops.",
             why_not=f"the {which} hand holds something",
             buttons=_opening(holding),

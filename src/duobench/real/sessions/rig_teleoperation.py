@@ -38,7 +38,7 @@ from duobench.real.sessions.preparing import (
     TO_HOME,
     TO_PLACE,
     clear,
-    find_obstacle,
+    find_hindrance,
 )
 from duobench.real.sessions.session import (
     CONNECTION_LOST,
@@ -223,10 +223,10 @@ class RigTeleoperation(Teleoperation):
 
     def _preparation(self) -> tuple[int, str, tuple[Button, ...]]:
         """Index of the step before an episode, what is to be done, and its buttons."""
-        obstacle = find_obstacle(self._real.rig)
-        if obstacle is not None:
-            home = replace(HOME_BUTTON, why_not=obstacle.why_not)
-            return 0, obstacle.todo, (*obstacle.buttons, home)
+        hindrance = find_hindrance(self._real.rig)
+        if hindrance is not None:
+            home = replace(HOME_BUTTON, why_not=hindrance.why_not)
+            return 0, hindrance.todo, (*hindrance.buttons, home)
         if not self._is_home:
             return 1, TO_HOME, (replace(HOME_BUTTON, is_next=True),)
         return 2, TO_PLACE, (replace(PLACED_BUTTON, is_next=True), HOME_BUTTON)

@@ -31,7 +31,7 @@ from duobench.real.sessions.preparing import (
     STEPS,
     TO_HOME,
     clear,
-    find_obstacle,
+    find_hindrance,
 )
 from duobench.real.sessions.trials_folder import LogKind
 from duobench.results.labels import StageLabel
@@ -190,14 +190,14 @@ class RigSession:
 
     def _step_before(self) -> tuple[int, str, tuple[Button, ...]]:
         is_ready = self.phase is Phase.READY
-        obstacle = find_obstacle(self.duo)
-        if obstacle is not None:
-            why_not = obstacle.why_not
+        hindrance = find_hindrance(self.duo)
+        if hindrance is not None:
+            why_not = hindrance.why_not
             home, start = (
                 replace(each, why_not=why_not) for each in (HOME_BUTTON, _START)
             )
             then = _AGAIN if is_ready else PLACED_BUTTON
-            return 0, obstacle.todo, (*obstacle.buttons, home, then, start)
+            return 0, hindrance.todo, (*hindrance.buttons, home, then, start)
         if is_ready:
             buttons = (replace(_START, is_next=True), _AGAIN, HOME_BUTTON)
             return len(STEPS), _TODOS[self.phase], buttons
