@@ -39,7 +39,7 @@ PERSON = Actor(kind=ActorKind.PERSON, name="P07", device="headset")
 PHASES, LED, THINKING = 4, 20, 150
 SETTLING = 12
 """Rows at most in which arms still move after a hand let go."""
-TINY = ExportOptions(cameras=("head",), size=(32, 48), object_state=True)
+TINY = ExportOptions(cameras=("head",), size=(32, 48), object_state=True, keep_failures=True)
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,15 @@ def test_an_operator_is_told_and_may_keep_them(
     session: DataSet, exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     length, used = len(only(session.path)), len(columns(exported)["index"])
-    words = ["export", "lerobot", str(session.path), "--cameras", "none", "--out"]
+    words = [
+        "export",
+        "lerobot",
+        str(session.path),
+        "--keep-failures",
+        "--cameras",
+        "none",
+        "--out",
+    ]
     main([*words, str(tmp_path / "out")])
     assert f"Left out: {length - used} rows in which nobody led" in capsys.readouterr().out
     main([*words, str(tmp_path / "all"), "--keep-idle"])
@@ -159,9 +167,7 @@ def test_an_operator_is_told_and_may_keep_them(
     )
     before = files(tmp_path / "out")
     with pytest.raises(OtherRunError, match="keep_idle True instead of False"):
-        export_lerobot(
-            session, tmp_path / "out", ExportOptions(cameras=(), keep_idle=True), workers=0
-        )
+        export(session, tmp_path / "out", object_state=False, size=224, keep_idle=True)
     ExportFolder(tmp_path / "out").data(0).unlink()
     main([*words, str(tmp_path / "out")])
     assert files(tmp_path / "out") == before

@@ -1,6 +1,7 @@
 import base64
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from duobench.teleop.messages import (
     Operator,
     Restore,
 )
+from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
 from duobench.teleop.teleoperation import AWAY
 from duobench.web import access
 from duobench.web.geometry import Geometry

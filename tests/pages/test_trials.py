@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
 from duobench.core.types import Side
-from duobench.real.sessions import interruptible
+from duobench.policy import interruptible
 from duobench.real.sessions.policy_runner import REASONS
 from duobench.real.sessions.session import HELD_BY_OPERATOR
 from duobench.real.sessions.trials_folder import LogKind

@@ -28,6 +28,7 @@ from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.messages import Discard
+from duobench.teleop.policy_leader import PolicyLeader
 from duobench.teleop.teleop_page import WATCHING
 from duobench.teleop.teleoperation import TeleopState
 from duobench.web.server import PageServer
@@ -35,6 +36,7 @@ from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.real.rigs import new_rig, once_while_homing, quick_rig
 from tests.teleop.operator import HOMES, hand, message, said
+from tests.teleop.toy import POLICY, Toy
 from tests.web.pages import open_page, wait_until
 
 TASK = "carry_pot"
@@ -72,11 +74,18 @@ class Bench:
         is_ready: bool = True,
         rig: Rig | None = None,
         task: str = TASK,
+        toy: Toy | None = None,
         **options: Any,
     ) -> None:
         self.duo = new_rig(rig)
         self.terminal = Keys()
-        recorder = make_real_recorder(self.duo, task, folder, PERSON, after_success=0.2)
+        seen = None if toy is None else toy.metadata
+        recorder = make_real_recorder(
+            self.duo, task, folder, PERSON, metadata=seen, after_success=0.2
+        )
+        if toy is not None:
+            toy.hold = recorder.get_wrapper_attr("hold_action")
+            options["policy"] = PolicyLeader(recorder, toy, POLICY, waits=True)
         self.session = RigTeleoperation(recorder, HandDevice(), self.terminal, **options)
         self.turn = 0
         self.pressed = ""
@@ -139,6 +148,33 @@ def test_hands_lead_real_arms_and_who_leads_says_that_it_is_solved(tmp_path: Pat
     assert tuple(episode.info.videos) == POLICY_CAMERAS
     assert episode.info.layout["poses"]
     assert episode.info.split == "train"
+    assert find_problems(DataSet(tmp_path)) == []
+
+
+def test_a_policy_plays_on_real_arms_until_a_squeeze(tmp_path: Path) -> None:
+    toy = Toy(cameras=("head",), image_size=(32, 32))
+    bench = Bench(tmp_path, episodes=1, toy=toy)
+    bench.send()
+    bench.send(1.0)  # begins
+    for _ in range(6):
+        bench.send()
+    for step in range(20):
+        bench.send(1.0, 0.03 * min(1.0, step / 15))
+    for _ in range(3):
+        bench.send(0.0, 0.03)
+    bench.say("keep")
+    while bench.session.state is not TeleopState.OVER:
+        bench.send(0.0, 0.03)
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.leader[:30].tolist() == [0] * 7 + [1] * 20 + [0] * 3
+    assert [each.name for each in episode.info.leaders] == ["toy", "P07"]
+    assert [each.step for each in episode.info.takeovers] == [7]
+    assert all(shown["pixels"]["head"].shape == (32, 32, 3) for shown in toy.shown)
+    jumps = np.abs(np.diff(episode.sent, axis=0)).max(axis=1)
+    assert jumps[[6, 26]].max() < 1e-3
+    rose = episode.tcp_pose[26, 2] - episode.tcp_pose[6, 2]
+    assert rose == pytest.approx(0.03, abs=2e-3)
     assert find_problems(DataSet(tmp_path)) == []
 
 

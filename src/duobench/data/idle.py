@@ -45,6 +45,7 @@ def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     )
     sent = recording.sent / STILL_TARGET
     is_led = recording.clutch.any(axis=1) | _asks(recording)
+    is_led |= recording.is_led_by_policy
     is_led |= (judged[1:] != judged[:-1]).any(axis=1)
     acts = [actor.kind in _ACTING for actor in recording.info.actors]
     is_led |= np.array(acts)[recording.leader]

@@ -179,6 +179,11 @@ class ActorKind(StrEnum):
     SCRIPTED_OPERATOR = "scripted operator"
     """A program in the place of a person, which moves hands as an expert moves tools."""
 
+    @property
+    def is_policy(self) -> bool:
+        """Whether it is what a person may take over from."""
+        return self in (ActorKind.POLICY, ActorKind.EXPERT)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Actor:

@@ -74,7 +74,8 @@ class TaskSummary:
     """Control steps of each episode until it succeeded or ended, ascending."""
     stage_seconds: tuple[float, ...]
     """Mean seconds that an episode spends in stage 0, 1, ..., n."""
-    actors: tuple[str, ...]
+    rows_led: dict[str, int]
+    """Rows that each actor led, in the order in which they did first."""
     repeated_layouts: int
     """Episodes whose layout an earlier one has too."""
     eval_layouts: int
@@ -95,6 +96,26 @@ class TaskSummary:
 
     attempts: tuple[Attempt, ...] = ()
     """Episodes that were begun for the data set, as far as that was noted."""
+
+    takeovers: dict[str, int] = field(default_factory=dict)
+    """Take-overs of a policy, by the reason that was given; empty words without one."""
+
+    @property
+    def actors(self) -> tuple[str, ...]:
+        """All who led, in words."""
+        return tuple(self.rows_led)
+
+    @property
+    def corrected(self) -> str:
+        """Rows that each led, and reasons of take-overs, in words; empty without take-overs."""
+        if not self.takeovers:
+            return ""
+        rows = ", ".join(f"{who} {count}" for who, count in self.rows_led.items())
+        reasons = ", ".join(
+            f"{why or 'no reason given'} {count}"
+            for why, count in sorted(self.takeovers.items())
+        )
+        return f"rows led by {rows}; take-overs: {reasons}"
 
     @property
     def attempted(self) -> str:
@@ -244,7 +265,8 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
         frames=sum(map(len, recordings)),
         lengths=tuple(sorted(each.steps for each in recordings)),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
-        actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
+        rows_led=_rows_led(recordings),
+        takeovers=Counter(one.why for info in infos for one in info.takeovers),
         repeated_layouts=len(simulated)
         - len({repr(info.layout) for info in simulated}),
         eval_layouts=sum(info.split == "eval" for info in infos),
@@ -256,6 +278,14 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
             video.left_out for info in infos for video in info.videos.values()
         ),
     )
+
+
+def _rows_led(recordings: Sequence[Recording]) -> dict[str, int]:
+    led = Counter[str]()
+    for each in recordings:
+        for place, actor in enumerate(each.info.actors):
+            led[_who(actor)] += int((each.leader == place).sum())
+    return dict(led)
 
 
 def _is_led_failure(info: EpisodeInfo) -> bool:

@@ -12,7 +12,6 @@ from duobench.teleop.intent import Intent
 from duobench.teleop.messages import (
     Hand,
     Hands,
-    Hold,
     Message,
     Operator,
     PageDevice,
@@ -136,11 +135,17 @@ class TriggeredGripper:
 
     When a trigger comes into view, it first says nothing: a held object must not fall because a
     controller was picked up with its trigger released. From its first movement on it is followed.
+
+    Args:
+        opening: Opening at first, 0 closed to 1 open.
+        meets: Whether a trigger is followed only from where it says what the opening is, or passes
+            that: so a gripper that another has led does not jump.
     """
 
-    def __init__(self, opening: float = 1.0) -> None:
+    def __init__(self, opening: float = 1.0, *, meets: bool = False) -> None:
         self.opening = opening
         """0 closed to 1 open."""
+        self._meets = meets
         self._seen: float | None = None
         self._is_followed = False
 
@@ -152,7 +157,11 @@ class TriggeredGripper:
         """Take over what the trigger says, once it was moved."""
         if self._seen is None:
             self._seen = trigger
-        self._is_followed = self._is_followed or abs(trigger - self._seen) > MEANT
+        is_moved = abs(trigger - self._seen) > MEANT
+        if self._meets:
+            low, high = sorted((self._seen, trigger))
+            is_moved = low - MEANT <= 1.0 - self.opening <= high + MEANT
+        self._is_followed = self._is_followed or is_moved
         if self._is_followed:
             self.opening = 1.0 - trigger
 
@@ -163,6 +172,8 @@ class LedArm:
     def __init__(self, side: Side) -> None:
         self.clutch = Clutch()
         self.gripper = TriggeredGripper()
+        self.was_lost = False
+        """Whether the hand was lost, and not opened, when it led last."""
         self._shaper = Shaper(side)
         self._rest: SE3 | None = None
 
@@ -170,6 +181,13 @@ class LedArm:
         """A new episode waits, with the gripper at an opening."""
         self.clutch.open()
         self.gripper = TriggeredGripper(opening)
+        self.was_lost = False
+        self._rest = None
+
+    def follow(self, opening: float) -> None:
+        """Something else leads the arm, and has its gripper at an opening."""
+        self.gripper = TriggeredGripper(opening, meets=True)
+        self.was_lost = False
         self._rest = None
 
     def lead(
@@ -185,6 +203,8 @@ class LedArm:
             self.gripper.follow(hand.trigger)
         was_closed = self.clutch.is_closed
         wanted = self.clutch.follow(hand, commanded)
+        if was_closed or wanted is not None:
+            self.was_lost = hand is None or not hand.sure
         if wanted is None:
             if self._rest is None:
                 self._rest = (
@@ -229,6 +249,11 @@ class HandDevice:
         return left, right
 
     @property
+    def was_lost(self) -> bool:
+        """Whether a hand that led last was lost, and not opened."""
+        return any(arm.was_lost for arm in self._arms.values())
+
+    @property
     def dropped(self) -> int:
         """Samples that arrived too late."""
         return self._dropped + self._freshness.dropped
@@ -240,15 +265,25 @@ class HandDevice:
         self._has_seen_open, self._led = False, set()
         self.led_by, self.executed_ms = "", math.nan
 
+    def follow(self, command: DuoCommand) -> None:
+        """Something else leads: hands that take over begin where the arms are commanded to be."""
+        for side, arm in self._arms.items():
+            arm.follow(float(command.openings[side.index]))
+
+    def let_go(self) -> None:
+        """Both hands let go: it takes a release and a new squeeze to lead."""
+        for arm in self._arms.values():
+            arm.clutch.open()
+
     def take(self, message: Message, arrival_s: float) -> None:
-        """Take over a fresh sample; `recentre` and a hold let both hands go.
+        """Take over a fresh sample; `recentre` lets both hands go.
 
         Devices of another operator have not led yet.
         """
         if isinstance(message, Operator):
             self._led = set()
-        elif isinstance(message, Recentre | Hold):
-            self._let_go()
+        elif isinstance(message, Recentre):
+            self.let_go()
         elif isinstance(message, Hands) and (
             self._lockstep or self._freshness.accepts(message.sent, arrival_s)
         ):
@@ -257,7 +292,7 @@ class HandDevice:
                 hand is not None and hand.buttons.recentre for hand in hands
             )
             if is_moving or self.is_lost(arrival_s):
-                self._let_go()
+                self.let_go()
             self._hands, self.sampled_s = message, arrival_s
             for side, hand in self._now(arrival_s).items():
                 self._arms[side].clutch.notice(hand)
@@ -271,9 +306,10 @@ class HandDevice:
         self._hands = self.sampled_s = None
         self.executed_ms = math.nan
         self._acting.clear()
-        self._let_go()
         for arm in self._arms.values():
+            arm.was_lost = arm.clutch.is_closed
             arm.gripper.lose()
+        self.let_go()
 
     def is_lost(self, now_s: float, for_s: float = MAX_AGE_S) -> bool:
         """Whether nothing fresh was heard for `MAX_AGE_S`, or another time."""
@@ -339,10 +375,6 @@ class HandDevice:
             limited=cast("tuple[bool, bool]", tuple(limited)),
             leads=any(self.clutch),
         )
-
-    def _let_go(self) -> None:
-        for arm in self._arms.values():
-            arm.clutch.open()
 
     def _now(self, now_s: float) -> dict[Side, Hand | None]:
         if self._hands is None or self.is_lost(now_s):

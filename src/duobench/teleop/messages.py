@@ -113,7 +113,17 @@ class Recentre(PageMessage, frozen=True):
 
 
 class Alone(PageMessage, frozen=True):
-    """Let the world run though nobody leads, or no longer."""
+    """Let the world run though nobody leads, or no longer; a policy pauses, or goes on."""
+
+
+class Why(PageMessage, frozen=True):
+    """Reason why the last take-over of a policy began; empty for the next usual one."""
+
+    text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)] = ""
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        _check_line("a reason", self.text)
 
 
 class Instruction(PageMessage, frozen=True):
@@ -123,8 +133,12 @@ class Instruction(PageMessage, frozen=True):
     """One line that can be printed."""
 
     def __post_init__(self) -> None:
-        if self.text != escaped(self.text) or len(self.text.splitlines()) > 1:
-            raise ValueError("an instruction is one line that can be printed")
+        _check_line("an instruction", self.text)
+
+
+def _check_line(what: str, text: str) -> None:
+    if text != escaped(text) or len(text.splitlines()) > 1:
+        raise ValueError(f"{what} is one line that can be printed")
 
 
 class Operator(PageMessage, frozen=True):
@@ -134,8 +148,7 @@ class Operator(PageMessage, frozen=True):
     """One line that can be printed."""
 
     def __post_init__(self) -> None:
-        if self.name != escaped(self.name) or len(self.name.splitlines()) > 1:
-            raise ValueError("a pseudonym is one line that can be printed")
+        _check_line("a pseudonym", self.name)
 
 
 Message = (
@@ -147,6 +160,7 @@ Message = (
     | GoOn
     | Recentre
     | Alone
+    | Why
     | Instruction
     | Operator
     | SelectItem

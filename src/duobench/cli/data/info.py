@@ -84,6 +84,8 @@ def _actors(summary: Summary) -> Iterator[str]:
             yield f"{task.task}: {task.attempted}"
         if task.led is not None:
             yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
+        if task.corrected:
+            yield f"{task.task}: {task.corrected}"
         yield from _unused(task)
         idle = task.unused.get(Reason.IDLE, 0)
         if idle:

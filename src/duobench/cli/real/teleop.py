@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 
 import tyro
@@ -48,14 +49,19 @@ def run(
     load_engine()
     from duobench.data.dataset import DESCRIPTION
     from duobench.real.sessions.cameras import CameraFeed
+    from duobench.real.sessions.policy_runner import find_rig_policy
     from duobench.real.sessions.rig_teleoperation import (
         RigTeleoperation,
         RigTeleopPage,
         make_real_recorder,
     )
+    from duobench.results.suite import find_tasks
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
+        source = leading.find_policy(
+            partial(find_rig_policy, tasks=find_tasks((task,))), ending
+        )
         duo = rig.open()
         terminal = ending.enter_context(closing(KeyTerminal()))
         recorder = make_real_recorder(
@@ -64,11 +70,17 @@ def run(
             out,
             actor,
             action_mode=led_by.action_mode,
+            metadata=None if source is None else source.metadata,
             time_limit_s=leading.limit,
         )
         ending.callback(recorder.close)
         session = RigTeleoperation(
-            recorder, led_by, terminal, episodes=episodes, **leading.asked()
+            recorder,
+            led_by,
+            terminal,
+            episodes=episodes,
+            policy=leading.play(source, recorder),
+            **leading.asked(),
         )
         ending.enter_context(session)
         server = page.serve()

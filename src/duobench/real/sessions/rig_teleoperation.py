@@ -25,6 +25,7 @@ from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
+from duobench.policy import PolicyMetadata
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import RealEnv, make_real_env
 from duobench.real.sessions import messages
@@ -47,6 +48,7 @@ from duobench.real.sessions.session import (
     TAKEN_OVER,
 )
 from duobench.real.sessions.status_page import SILENCE_S
+from duobench.results.run import needed_options
 from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.intent import TeleopDevice
@@ -92,6 +94,7 @@ def make_real_recorder(
     actor: Actor,
     *,
     action_mode: str = CARTESIAN.name,
+    metadata: PolicyMetadata | None = None,
     time_limit_s: float = TIME_LIMIT_S,
     after_success: float = AFTER_SUCCESS_S,
 ) -> Recorder:
@@ -99,11 +102,13 @@ def make_real_recorder(
 
     The rig belongs to the environment from now on. For the rest see `teleoperation.make_recorder`.
     """
+    needed = {"cameras": (), "action_mode": action_mode}
+    if metadata is not None:
+        needed = needed_options(metadata)
     env = make_real_env(
         duo,
         task,
-        cameras=(),
-        action_mode=action_mode,
+        **needed,
         horizon=horizon_of(time_limit_s),
     )
     return make_rig_recorder(
@@ -288,16 +293,16 @@ class RigTeleoperation(Teleoperation):
         is_placing = self._state is TeleopState.MAKING_READY and self._is_home
         return is_placing or self._state is TeleopState.WAITING
 
-    def _follow(self, message: PageMessage) -> None:
+    def _obey(self, message: PageMessage) -> None:
         match message:
-            case Hold():  # it acted at once
-                pass
+            case Hold():  # the arms were held at once
+                self.device.let_go()
             case messages.Stage() | messages.Undo():
                 self._follow_judge()
             case _ if isinstance(message, _PREPARING):
                 self._make_ready(message)
             case _:
-                super()._follow(cast("Message", message))
+                super()._obey(cast("Message", message))
 
     def _follow_judge(self) -> None:
         """Take over what the operator said about the stages."""

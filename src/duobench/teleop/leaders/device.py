@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from duobench.core.errors import LeaderError
 from duobench.core.types import (
     CONTROL_HZ,
     OPENING_SLOTS,
@@ -16,7 +17,7 @@ from duobench.core.types import (
 from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.teleop.intent import Intent
-from duobench.teleop.messages import Hold, Message
+from duobench.teleop.messages import Message
 from duobench.teleop.pace import Movement
 from duobench.world.robot.frames import tcp_poses
 
@@ -75,6 +76,8 @@ class LeaderDevice:
         self._fade = 0
         self._is_following = self._is_leading = False
         self._movement = Movement(_NOISE)
+        self.was_lost = False
+        """Never: leaders are not let go of."""
         self.dropped = 0
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
@@ -95,10 +98,19 @@ class LeaderDevice:
         self._armed = None
         self._is_following = self._is_leading = False
 
-    def take(self, message: Message, arrival_s: float) -> None:  # noqa: ARG002
-        """Hands on a page move nothing while leader arms lead; a hold lets go."""
-        if isinstance(message, Hold):
-            self._is_following = False
+    def follow(self, command: DuoCommand) -> None:  # noqa: ARG002
+        """Reject that something else leads: leaders lead as long as they answer."""
+        raise LeaderError(
+            "Leader arms cannot be let go of, so that a policy never gets to lead; correct it with "
+            "the hands of a page."
+        )
+
+    def let_go(self) -> None:
+        """Leaders lead as long as they answer; what is between them and the arms fades again."""
+        self._is_following = False
+
+    def take(self, message: Message, arrival_s: float) -> None:
+        """Hands on a page move nothing while leader arms lead."""
 
     def lose(self) -> None:
         """The page has gone; leader arms go on without it."""

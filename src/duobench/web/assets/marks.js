@@ -39,7 +39,7 @@ function linesOf({ tool, start, length }) {
 
 /** Marks of both tools over an element that shows what an orbit's camera sees. */
 export class Marks {
-  /** The arm that is led; its marks are the stronger ones. */
+  /** The arms that are led; their marks are the stronger ones. */
   active = [];
   /** Arms that are kept from where their hand wants them, `{left, right}`. */
   limited = {};

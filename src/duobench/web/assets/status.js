@@ -40,7 +40,9 @@ export class Status {
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
     this.#panel = new Panel(page, tell);
     letHold(this.#part("#hold"), tell, () => this.#last.panel?.can_hold);
-    this.#part("#alone").addEventListener("click", () => tell({ kind: "alone" }));
+    for (const kind of ["alone", "why"]) {
+      this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
+    }
     this.#part("#drive").addEventListener("click", () => {
       const isTaken = this.#role?.drivers > 0;
       tell({ kind: isTaken ? "take_over" : "drive" });
@@ -127,12 +129,13 @@ export class Status {
 
   #showFacts(status) {
     const { count, kept, wanted, discarded, latency_ms: served, lost, clutch } = status;
-    const { state, pace, led_s: led, limit_s: limit } = status;
+    const { state, pace, led_s: led, limit_s: limit, policy } = status;
     const seen = this.latency();
     const said = (ms) => (ms === null || ms === undefined ? null : `${Math.round(ms)} ms`);
     const held = clutch && ["left", "right"].filter((side) => clutch[side]);
     const facts = {
       Episode: count,
+      Leads: policy ? (policy.leads ? policy.name : "you") : undefined,
       Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
       World: RUNNING.includes(state) ? WORLD[pace] : undefined,
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
@@ -172,7 +175,8 @@ export class Status {
     this.#part(".timeline").hidden = !steps;
     if (!steps) return;
     const last = rest.max_stage ?? rest.stages?.length ?? 0;
-    this.#timeline.content = { steps: steps + 1, rate, changes, last };
+    const spans = rest.corrections ?? [];
+    this.#timeline.content = { steps: steps + 1, rate, changes, last, spans };
     this.#timeline.isPlaying = state === "playing";
     if (step !== undefined) this.#timeline.step = step;
   }
@@ -198,7 +202,11 @@ export class Status {
     this.#showJudging();
     const alone = this.#part("#alone");
     alone.hidden = !this.#isDriver || !this.#last.pace || !RUNNING.includes(state);
-    alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
+    const { policy } = this.#last;
+    alone.textContent = policy ? "Pause the policy" : "Run alone";
+    const isOn = policy ? policy.is_paused : this.#last.alone;
+    alone.setAttribute("aria-pressed", String(Boolean(isOn)));
+    this.#part("#why").hidden = alone.hidden || !policy?.is_explainable;
     this.#part("#wording").hidden = !this.#isDriver;
     this.#fill("#wording input", wording);
     this.#part("#who").hidden = operator === undefined;
