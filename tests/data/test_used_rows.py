@@ -147,8 +147,15 @@ def test_an_operator_is_told_and_may_keep_them(
     session: DataSet, exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     length, used = len(only(session.path)), len(columns(exported)["index"])
-    words = ["export", "lerobot", str(session.path), "--keep-failures"]
-    words += ["--cameras", "none", "--out"]
+    words = [
+        "export",
+        "lerobot",
+        str(session.path),
+        "--keep-failures",
+        "--cameras",
+        "none",
+        "--out",
+    ]
     main([*words, str(tmp_path / "out")])
     assert f"Left out: {length - used} rows in which nobody led" in capsys.readouterr().out
     main([*words, str(tmp_path / "all"), "--keep-idle"])
@@ -159,9 +166,8 @@ def test_an_operator_is_told_and_may_keep_them(
         capsys.readouterr().out.split()
     )
     before = files(tmp_path / "out")
-    options = ExportOptions(cameras=(), keep_idle=True, keep_failures=True)
     with pytest.raises(OtherRunError, match="keep_idle True instead of False"):
-        export_lerobot(session, tmp_path / "out", options, workers=0)
+        export(session, tmp_path / "out", object_state=False, size=224, keep_idle=True)
     ExportFolder(tmp_path / "out").data(0).unlink()
     main([*words, str(tmp_path / "out")])
     assert files(tmp_path / "out") == before

@@ -29,6 +29,7 @@ RUN_BY = {
     "tests/examples/test_object_states.py": "baselines: sh",
     "tests/lerobot/test_pages.py": "lerobot: sh python; parquet: python",
     "tests/lerobot/test_teleoperation.py": "lerobot_teleoperation: sh",
+    "tests/teleop/test_plan.py": "people: none",
 }
 """Languages of blocks by page, and the test that runs them."""
 WHY = re.compile(r"No test runs")

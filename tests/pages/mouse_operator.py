@@ -25,7 +25,7 @@ WHEEL, WHEEL_TURN, DRAG_TURN = 0.0002, 0.0005, 0.005
 FAST, FAST_TURN = 0.05, 0.2
 """Metres and radians at a time."""
 FINE, FINE_BELOW = 0.25, 0.015
-"""What the space bar makes of a motion, and from which distance in metres on it is held."""
+"""What the fine key makes of a motion, and from which distance in metres on it is held."""
 MOVED = 4
 """Messages in which a tool follows a part of a motion."""
 SETTLED = 10
@@ -33,7 +33,7 @@ SETTLED = 10
 GRIPPED = 30
 """Messages in which fingers come to rest."""
 MOST_TRIES = 12
-KEYS = {Side.LEFT: ("1", "f"), Side.RIGHT: ("2", "j")}
+KEYS = {Side.LEFT: ("1", "g"), Side.RIGHT: ("2", "j")}
 """The keys that choose an arm, and that open and close its gripper."""
 
 
@@ -51,7 +51,7 @@ class MouseOperator:
         right = np.cross(self._forward, (0.0, 0.0, 1.0))
         self._right = right / length(right)
         self._up = np.cross(self._right, self._forward)
-        scene = led.page.locator("canvas")
+        scene = led.page.locator("canvas").first
         scene.scroll_into_view_if_needed()
         box = scene.bounding_box()
         assert box
@@ -95,7 +95,7 @@ class MouseOperator:
         is_fine = size < FINE_BELOW
         pixel = self._size * float((here - self._eye) @ self._forward)
         motion = self._seen(shift) / np.array([pixel, -pixel, -WHEEL])
-        self._drag(motion, size / FAST, " " if is_fine else None, FINE if is_fine else 1.0)
+        self._drag(motion, size / FAST, "c" if is_fine else None, FINE if is_fine else 1.0)
 
     def _turn(self, side: Side, goal: SE3) -> None:
         """The same with Shift: the tool turns as a ball under the pointer."""

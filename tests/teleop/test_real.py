@@ -27,6 +27,7 @@ from duobench.real.sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR, ST
 from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.teleop.hands import HandDevice
+from duobench.teleop.policy_leader import PolicyLeader
 from duobench.teleop.teleoperation import TeleopState
 from duobench.web.server import PageServer
 from duobench.world.kinematics.inverse import Kinematics
@@ -34,6 +35,7 @@ from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.real.rigs import new_rig
 from tests.real.sessions.test_recording import Script
 from tests.teleop.operator import HOMES, hand, message, said
+from tests.teleop.toy import POLICY, Toy
 from tests.web.pages import open_page, wait_until
 
 TASK = "carry_pot"
@@ -50,11 +52,18 @@ class Bench:
         *,
         rig: Rig | None = None,
         task: str = TASK,
+        toy: Toy | None = None,
         **options: Any,
     ) -> None:
         self.duo = new_rig(rig)
         self.terminal = Script(answers, usual="h")
-        recorder = make_real_recorder(self.duo, task, folder, PERSON, after_success=0.2)
+        seen = None if toy is None else toy.metadata
+        recorder = make_real_recorder(
+            self.duo, task, folder, PERSON, metadata=seen, after_success=0.2
+        )
+        if toy is not None:
+            toy.hold = recorder.get_wrapper_attr("hold_action")
+            options["policy"] = PolicyLeader(recorder, toy, POLICY, waits=True)
         self.session = RigTeleoperation(recorder, HandDevice(), self.terminal, **options)
         self.turn = 0
 
@@ -100,6 +109,33 @@ def test_hands_lead_real_arms_and_who_leads_says_that_it_is_solved(tmp_path: Pat
     assert find_problems(DataSet(tmp_path)) == []
 
 
+def test_a_policy_plays_on_real_arms_until_a_squeeze(tmp_path: Path) -> None:
+    toy = Toy(cameras=("head",), image_size=(32, 32))
+    bench = Bench(tmp_path, episodes=1, toy=toy)
+    bench.send()
+    bench.send(1.0)  # begins
+    for _ in range(6):
+        bench.send()
+    for step in range(20):
+        bench.send(1.0, 0.03 * min(1.0, step / 15))
+    for _ in range(3):
+        bench.send(0.0, 0.03)
+    bench.say("keep")
+    while bench.session.state is not TeleopState.OVER:
+        bench.send(0.0, 0.03)
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.leader[:30].tolist() == [0] * 7 + [1] * 20 + [0] * 3
+    assert [each.name for each in episode.info.leaders] == ["toy", "P07"]
+    assert [each.step for each in episode.info.takeovers] == [7]
+    assert all(shown["pixels"]["head"].shape == (32, 32, 3) for shown in toy.shown)
+    jumps = np.abs(np.diff(episode.sent, axis=0)).max(axis=1)
+    assert jumps[[6, 26]].max() < 1e-3
+    rose = episode.tcp_pose[26, 2] - episode.tcp_pose[6, 2]
+    assert rose == pytest.approx(0.03, abs=2e-3)
+    assert find_problems(DataSet(tmp_path)) == []
+
+
 @pytest.mark.slow
 def test_arms_hold_unrecorded_while_nobody_leads_and_go_on_at_once(tmp_path: Path) -> None:
     bench = Bench(tmp_path, episodes=1)
@@ -130,6 +166,22 @@ def test_arms_hold_unrecorded_while_nobody_leads_and_go_on_at_once(tmp_path: Pat
         assert video.frames is not None
         assert len(episode) <= video.frames < len(episode) + 10
     assert find_problems(DataSet(tmp_path)) == []
+
+
+def test_what_is_solved_while_nobody_leads_comes_to_its_end(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, episodes=1)
+    bench.lead(5)
+    for _ in range(100):
+        bench.send()
+    assert bench.session.status()["pace"] == "standing"
+    bench.say("keep")
+    for _ in range(10):
+        bench.send()
+    assert bench.session.state is TeleopState.OVER
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.info.outcome is not None
+    assert episode.info.outcome.success
 
 
 def test_arms_that_are_held_while_nobody_leads_end_the_episode(tmp_path: Path) -> None:

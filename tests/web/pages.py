@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import numpy as np
 from websockets.sync import client
 
-TIMEOUT_S = 10
+TIMEOUT_S = 120
 
 Answer = tuple[int, dict[str, str], bytes]
 

@@ -317,7 +317,8 @@ def test_a_page_that_was_cut_off_drives_again_unless_another_one_did(
             assert stranger.hear_of("role")["role"] == "viewer"
         with open_page(server.url, query=named(server, "a")) as page:
             page.hear_of("role", role="driver")
-        other.drive(viewers=0)
+        other.say(kind="take_over")
+        other.hear_of("role", role="driver")
     with open_page(server.url, query=named(server, "a")) as page:
         assert page.hear_of("role")["role"] == "viewer"  # another one drove meanwhile
     with open_page(server.url) as nameless:  # a program is nobody's page

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import tyro
@@ -35,6 +36,8 @@ def run(
     those of the split train, and those that were given up come back at the end. The same command
     goes on with a data set until it has as many episodes.
 
+    With --policy, the policy plays and you correct it; rows say who led.
+
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE; or name several by --plan.
         out: Folder of the data set.
@@ -55,6 +58,8 @@ def run(
     load_engine()
     from duobench.data import Actor, DataSet
     from duobench.data.dataset import DESCRIPTION
+    from duobench.evaluation.policies import source as find_policy
+    from duobench.results.suite import find_tasks
     from duobench.teleop.plan import Plan, PlannedSessions
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.teleop.teleoperation import Teleoperation, make_recorder
@@ -70,6 +75,8 @@ def run(
         )
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
+        tasks = find_tasks(wanted.tasks)
+        source = leading.find_policy(partial(find_policy, tasks=tasks), ending)
 
         def make(task: str, actor: Actor) -> Teleoperation:
             recorder = make_recorder(
@@ -77,6 +84,7 @@ def run(
                 out,
                 actor,
                 action_mode=led_by.action_mode,
+                metadata=None if source is None else source.metadata,
                 time_limit_s=leading.limit,
                 look=look,
             )
@@ -86,6 +94,7 @@ def run(
                 episodes=wanted.layouts,
                 times=wanted.times,
                 tasks=wanted.ids,
+                policy=leading.play(source, recorder),
                 **leading.asked(),
             )
 

@@ -87,6 +87,11 @@ def _judged(data: DataSet, attempt: Attempt, reviews: Reviews) -> Attempt:
     return replace(attempt, kept=kept, error=None if kept else DISCARDED)
 
 
+def led_tasks(data: DataSet) -> list[str]:
+    """Ids of the tasks at which attempts of people were noted, sorted."""
+    return sorted(path.stem for path in (data.path / TAKES).glob("*.json"))
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Comparison:
     """Files of a task beside what was noted about attempts at it."""

@@ -19,7 +19,6 @@ from duobench.core.versions import package_versions
 from duobench.data.dataset import DataSet
 from duobench.data.schema import (
     Actor,
-    ActorKind,
     Domain,
     EpisodeInfo,
     Outcome,
@@ -302,7 +301,7 @@ class Recorder(DuoWrapper):
     def _with_device(self, place: int) -> Actor:
         """A leader with the last device of its own rows; a policy has none."""
         leader = self._leaders[place]
-        if leader.kind in (ActorKind.POLICY, ActorKind.EXPERT):
+        if leader.kind.is_policy:
             return leader
         device = self._devices.get(place) or self.device or leader.device
         return replace(leader, device=device)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
 from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
-from duobench.data.attempts import SKIPPED, Attempt, compared, of_task
+from duobench.data.attempts import SKIPPED, Attempt, compared, led_tasks, of_task
 from duobench.data.dataset import DataSet
+from duobench.data.leading import Leading, Take, add_up, takes_without_file
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
 from duobench.data.used_rows import Reason, RowChoice, used_rows
@@ -74,7 +75,8 @@ class TaskSummary:
     """Control steps of each episode until it succeeded or ended, ascending."""
     stage_seconds: tuple[float, ...]
     """Mean seconds that an episode spends in stage 0, 1, ..., n."""
-    actors: tuple[str, ...]
+    rows_led: dict[str, int]
+    """Rows that each actor led, in the order in which they did first."""
     repeated_layouts: int
     """Episodes whose layout an earlier one has too."""
     eval_layouts: int
@@ -95,6 +97,26 @@ class TaskSummary:
 
     attempts: tuple[Attempt, ...] = ()
     """Episodes that were begun for the data set, as far as that was noted."""
+
+    takeovers: dict[str, int] = field(default_factory=dict)
+    """Take-overs of a policy, by the reason that was given; empty words without one."""
+
+    @property
+    def actors(self) -> tuple[str, ...]:
+        """All who led, in words."""
+        return tuple(self.rows_led)
+
+    @property
+    def corrected(self) -> str:
+        """Rows that each led, and reasons of take-overs, in words; empty without take-overs."""
+        if not self.takeovers:
+            return ""
+        rows = ", ".join(f"{who} {count}" for who, count in self.rows_led.items())
+        reasons = ", ".join(
+            f"{why or 'no reason given'} {count}"
+            for why, count in sorted(self.takeovers.items())
+        )
+        return f"rows led by {rows}; take-overs: {reasons}"
 
     @property
     def attempted(self) -> str:
@@ -146,6 +168,8 @@ class Summary:
     """Joint by joint, left then right; none if there is no action."""
     differences: dict[str, str] = field(default_factory=dict)
     """Differences of files from noted attempts, by task, in words."""
+    leading: tuple[Leading, ...] = ()
+    """What operators have led, by task, operator and device."""
 
     @property
     def episodes(self) -> int:
@@ -192,6 +216,10 @@ def summarize(data: DataSet) -> Summary:
     differences = {
         task: words for task, each in compared(data).items() if (words := str(each))
     }
+    led: list[Take | None] = []
+    for task in led_tasks(data):
+        files = {path.stem for path in data.episodes(task)}
+        led += takes_without_file(of_task(data, task), files)
     for task in data.tasks:
         recordings = []
         unused = Counter[Reason]()
@@ -207,6 +235,7 @@ def summarize(data: DataSet) -> Summary:
             reference = data.reference(recording.info)
             rows = used_rows(recording, RowChoice(), reference, within=judgement.rows)
             unused.update(rows.left_out)
+            led.append(Take.of(recording, rows))
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))
@@ -219,7 +248,12 @@ def summarize(data: DataSet) -> Summary:
         raise DataError(f"{data.path} holds no episode.{words}")
     sent = np.concatenate(commands)
     joints = _summarize_joints(names, sent, np.max(speeds, axis=0)) if len(sent) else ()
-    return Summary(tasks=tuple(tasks), joints=tuple(joints), differences=differences)
+    return Summary(
+        tasks=tuple(tasks),
+        joints=tuple(joints),
+        differences=differences,
+        leading=add_up([each for each in led if each is not None]),
+    )
 
 
 def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
@@ -244,7 +278,8 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
         frames=sum(map(len, recordings)),
         lengths=tuple(sorted(each.steps for each in recordings)),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
-        actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
+        rows_led=_rows_led(recordings),
+        takeovers=Counter(one.why for info in infos for one in info.takeovers),
         repeated_layouts=len(simulated)
         - len({repr(info.layout) for info in simulated}),
         eval_layouts=sum(info.split == "eval" for info in infos),
@@ -256,6 +291,14 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
             video.left_out for info in infos for video in info.videos.values()
         ),
     )
+
+
+def _rows_led(recordings: Sequence[Recording]) -> dict[str, int]:
+    led = Counter[str]()
+    for each in recordings:
+        for place, actor in enumerate(each.info.actors):
+            led[_who(actor)] += int((each.leader == place).sum())
+    return dict(led)
 
 
 def _is_led_failure(info: EpisodeInfo) -> bool:

@@ -104,7 +104,17 @@ class Recentre(PageMessage, frozen=True):
 
 
 class Alone(PageMessage, frozen=True):
-    """Let the world run though nobody leads, or no longer."""
+    """Let the world run though nobody leads, or no longer; a policy pauses, or goes on."""
+
+
+class Why(PageMessage, frozen=True):
+    """Reason why the last take-over of a policy began; empty for the next usual one."""
+
+    text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)] = ""
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        _check_line("a reason", self.text)
 
 
 class Instruction(PageMessage, frozen=True):
@@ -114,8 +124,12 @@ class Instruction(PageMessage, frozen=True):
     """One line that can be printed."""
 
     def __post_init__(self) -> None:
-        if self.text != escaped(self.text) or len(self.text.splitlines()) > 1:
-            raise ValueError("an instruction is one line that can be printed")
+        _check_line("an instruction", self.text)
+
+
+def _check_line(what: str, text: str) -> None:
+    if text != escaped(text) or len(text.splitlines()) > 1:
+        raise ValueError(f"{what} is one line that can be printed")
 
 
 class Operator(PageMessage, frozen=True):
@@ -125,8 +139,7 @@ class Operator(PageMessage, frozen=True):
     """One line that can be printed."""
 
     def __post_init__(self) -> None:
-        if self.name != escaped(self.name) or len(self.name.splitlines()) > 1:
-            raise ValueError("a pseudonym is one line that can be printed")
+        _check_line("a pseudonym", self.name)
 
 
 Message = (
@@ -136,6 +149,7 @@ Message = (
     | Restore
     | Recentre
     | Alone
+    | Why
     | Instruction
     | Operator
     | SelectItem

@@ -9,7 +9,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array, DuoState
+from duobench.core.types import CONTROL_HZ, Array, DuoState
+from duobench.envs.spaces import opening_slots
 from duobench.teleop.intent import Intent
 
 LONGEST_REST_S = 3.0
@@ -82,7 +83,7 @@ class Pace:
 
         Fingers that move are led, whatever the clutches do. What `ends` by itself needs no leading.
         """
-        asked = intent.action[list(OPENING_SLOTS)]
+        asked = intent.action[opening_slots(len(intent.action))]
         grips = self._openings.sees(np.concatenate([asked, state.openings]))
         if intent.leads or grips:
             self.phase = Phase.LED

@@ -12,7 +12,12 @@ from typing import Any, Self, cast
 
 import numpy as np
 
-from duobench.core.errors import BackendError, DuoBenchError, OptionError
+from duobench.core.errors import (
+    BackendError,
+    DuoBenchError,
+    OptionError,
+    PolicyError,
+)
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.types import CONTROL_HZ, SIDES, DuoState, Side
 from duobench.data import Actor, DataSet, Recorder
@@ -24,6 +29,8 @@ from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
+from duobench.policy import PolicyMetadata
+from duobench.results.run import needed_options
 from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
@@ -41,6 +48,7 @@ from duobench.teleop.messages import (
 )
 from duobench.teleop.pace import Pace
 from duobench.teleop.plan import TaskProgress
+from duobench.teleop.policy_leader import Leading, PolicyLeader
 from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.web.messages import SelectItem
 from duobench.world.looks.catalog import DEFAULT
@@ -53,6 +61,9 @@ WARNED_S = 10.0
 """Seconds before that end in which it is said."""
 ARM_REST = 0.02
 """Joint speed in rad/s below which an arm is at rest."""
+STILL = 0.2
+"""Share of the speeds at the end of a reset, 5 mm/s and 0.1 rad/s, below which objects are: a door
+that falls shut slowly is not; what rests on the table or in a hand moves by a thirtieth of them."""
 TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 """Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
 from where its hand wants it, and when a hand lets go, or is lost."""
@@ -107,9 +118,12 @@ class Teleoperation:
         tasks: Ids of tasks of which the operator may choose the next one, see `chosen`.
         instruction: What the operator says that the arms will do; empty for the task's own.
         lockstep: Whether each message of hands is one turn, and nothing moves between.
+        policy: Policy that leads until the operator takes over, in whose action mode the
+            environment is.
 
     Raises:
         OptionError: The number is less than one, or the environment takes other actions.
+        LeaderError: The operator cannot let go of the device, so that no policy can lead.
     """
 
     keeps = (TeleopState.SUCCESS, TeleopState.DECIDE)
@@ -125,13 +139,14 @@ class Teleoperation:
         tasks: Collection[str] = (),
         instruction: str = "",
         lockstep: bool = False,
+        policy: PolicyLeader | None = None,
     ) -> None:
         if episodes < 1:
             raise OptionError(
                 f"A session records at least one episode, got {episodes}."
             )
         mode = env.get_wrapper_attr("action_mode")
-        if mode != device.action_mode:
+        if policy is None and mode != device.action_mode:
             raise OptionError(
                 f"The device gives actions of the mode {device.action_mode!r}, and the environment "
                 f"takes those of {mode!r}; make the environment with that action mode."
@@ -142,6 +157,8 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
+        self.leading = Leading(env, device, policy)
+        """Who leads: the operator or a policy."""
         self.chosen = ""
         """Id of the task that the operator wants to lead next, where the session ends for it."""
         self.before_reset: Callable[[], object] = lambda: None
@@ -206,11 +223,15 @@ class Teleoperation:
                 self.note = prompt
                 return False
             self._state, self.note = TeleopState.RECORDING, ""
+            self.leading.start()
             self._note_attempt(UNDECIDED)  # a kill leaves this
         if self._state not in _RUNNING:
             return False
-        backend = self.env.base.backend
-        intent = self.device.intend(now_s, self._seen, backend.last_command)
+        intent = self._intent(now_s)
+        if intent is None:
+            if self._stand():
+                return False
+            intent = self.leading.rest()
         ends = self._state is TeleopState.SUCCESS
         if not self.pace.runs(intent, self._seen, ends=ends) and self._stand():
             return False
@@ -239,6 +260,7 @@ class Teleoperation:
             self._accept()
         elif self._state is not TeleopState.OVER and not self._is_settled:
             self._note_attempt(UNDECIDED)
+        self.leading.close()
         self.env.close()
         if self._episodes is not None:
             self._episodes.close(forget=forget)
@@ -293,8 +315,12 @@ class Teleoperation:
             "wanted": self._progress.wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
-            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
+            "limited": {
+                str(side): self._limited[side.index] and self.device.clutch[side.index]
+                for side in SIDES
+            },
             "stage_changes": [list(change) for change in self._stage_changes],
+            "policy": self.leading.status,
             "note": self._said(),
         }
 
@@ -326,29 +352,43 @@ class Teleoperation:
                 self.device.lose()
                 continue
             self.device.take(message, arrival_s)
-            match message:
-                case Hands():
-                    self._press(message)
-                    if self.lockstep:
-                        return True
-                case Keep():
-                    self._keep()
-                case Discard():
-                    self._discard()
-                case Restore():
-                    self._restore()
-                case Alone():
-                    self.pace.is_alone = (
-                        self._state in _RUNNING and not self.pace.is_alone
-                    )
-                case Instruction() | Operator() | SelectItem():
-                    self._arrange(message)
+            if isinstance(message, Hands):
+                self._press(message)
+                if self.lockstep:
+                    return True
+            elif not self.leading.take(message):
+                self._obey(message)
         return False
+
+    def _obey(self, message: Message) -> None:
+        match message:
+            case Keep():
+                self._keep()
+            case Discard():
+                self._discard()
+            case Restore():
+                self._restore()
+            case Alone():
+                is_running = self._state in _RUNNING
+                self.pace.is_alone = is_running and not self.pace.is_alone
+            case Instruction() | Operator() | SelectItem():
+                self._arrange(message)
 
     def _press(self, hands: Hands) -> None:
         asked = {KEEP: self._keep, DISCARD: self._discard}
         for name in self._presses.new(hands):
             asked.get(name, self._restore)()
+
+    def _intent(self, now_s: float) -> Intent | None:
+        """The next action; None while a policy thinks, is paused, or has failed."""
+        intent = None
+        try:
+            intent = self.leading.next(now_s, self._seen)
+        except PolicyError as error:
+            self.note = f"The policy failed, and is paused: {error}"
+        if self.leading.note:
+            self.note, self.leading.note = self.leading.note, ""
+        return intent
 
     def _stand(self) -> bool:
         """Let the world stand still in this turn; whether it can."""
@@ -358,7 +398,7 @@ class Teleoperation:
         """Whether arms and objects are at rest, and no clock of a stage counts since a state."""
         base = cast("SimEnv", self.env.base)
         speeds = np.abs(base.backend.joint_velocities())
-        is_still = base.simulation.is_settled and bool((speeds < ARM_REST).all())
+        is_still = base.simulation.is_settled(STILL) and bool((speeds < ARM_REST).all())
         return is_still and not self._judge.counts_since(before)
 
     @property
@@ -570,6 +610,7 @@ class Teleoperation:
         self._is_paused, self.note = False, ""
         self.pace.begin()
         self.device.begin(env.base.backend.last_command)
+        self.leading.begin(self._info)
         self.haptics.begin()
 
     def _reset_options(self, seed: int) -> dict[str, Any]:  # noqa: ARG002 - real arms need it
@@ -641,18 +682,20 @@ def make_recorder(
     actor: Actor,
     *,
     action_mode: str = CARTESIAN.name,
+    metadata: PolicyMetadata | None = None,
     time_limit_s: float = TIME_LIMIT_S,
     look: str | Look = DEFAULT,
 ) -> Recorder:
     """An environment on layouts of the split `train`, recorded with clutches and reviewed.
 
-    Nothing is rendered: images follow from the recorded states.
+    Nothing is rendered, but for a policy when it is asked: images follow from the recorded states.
 
     Args:
         task: A task, its id, or its import path "module:ATTRIBUTE".
         data: Data set that episodes are added to, or its folder; None keeps each in memory.
         actor: Who leads, and with which device.
-        action_mode: That of the device.
+        action_mode: That of the device, where no policy plays.
+        metadata: Expectations of the policy that plays.
         time_limit_s: Seconds that an episode may be led before it is truncated; see `horizon_of`.
         look: How images of the episodes look, unless they are rendered with another one.
 
@@ -661,11 +704,13 @@ def make_recorder(
         OptionError: A number of seconds is invalid.
         OtherRunError: The folder holds something else.
     """
+    needed = {"cameras": False, "action_mode": action_mode}
+    if metadata is not None:
+        needed = needed_options(metadata)
     env = make_env(
         task,
-        cameras=False,
+        **needed,
         split=TRAIN,
-        action_mode=action_mode,
         horizon=horizon_of(time_limit_s),
         look=look,
     )

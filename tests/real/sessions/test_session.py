@@ -9,8 +9,8 @@ import pytest
 from duobench.core.errors import EvaluationError, LockedError, OtherRunError, PolicyError
 from duobench.core.files import locked
 from duobench.core.types import Side
-from duobench.real.sessions import interruptible
-from duobench.real.sessions.interruptible import GIVEN_UP
+from duobench.policy import interruptible
+from duobench.policy.interruptible import GIVEN_UP
 from duobench.real.sessions.session import HELD_BY_OPERATOR, NEVER_COUNTS
 from duobench.real.sessions.trials import ASK_AT_END
 from duobench.real.sessions.trials_folder import (

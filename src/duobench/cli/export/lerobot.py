@@ -103,6 +103,9 @@ def run(
             f"Left out: {counted(idle, 'row')} in which nobody led and nothing moved; "
             "--keep-idle keeps them."
         )
+    uncorrected = done.rows_left_out.get(Reason.UNCORRECTED, 0)
+    if uncorrected:
+        say(f"Left out: {counted(uncorrected, 'row')} that no take-over is about.")
     if done.eval_layouts:
         of_eval = counted(done.eval_layouts, "episode")
         say(f"{of_eval} with layouts that policies are evaluated on: train on others.")

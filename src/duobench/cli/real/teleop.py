@@ -49,15 +49,20 @@ def run(
     from duobench.data.dataset import DESCRIPTION
     from duobench.real.sessions.cameras import CameraFeed
     from duobench.real.sessions.operator import hold_by_key
+    from duobench.real.sessions.policy_runner import find_rig_policy
     from duobench.real.sessions.rig_teleoperation import (
         EndedError,
         RigTeleoperation,
         RigTeleopPage,
         make_real_recorder,
     )
+    from duobench.results.suite import find_tasks
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
+        source = leading.find_policy(
+            partial(find_rig_policy, tasks=find_tasks((task,))), ending
+        )
         duo = rig.open()
         terminal = ending.enter_context(closing(KeyTerminal()))
         terminal.listen(partial(hold_by_key, duo))
@@ -67,13 +72,19 @@ def run(
             out,
             actor,
             action_mode=led_by.action_mode,
+            metadata=None if source is None else source.metadata,
             time_limit_s=leading.limit,
         )
         ending.callback(recorder.close)
         with suppress(EndedError):
             with stopping(partial(hold_and_say, duo)):
                 session = RigTeleoperation(
-                    recorder, led_by, terminal, episodes=episodes, **leading.asked()
+                    recorder,
+                    led_by,
+                    terminal,
+                    episodes=episodes,
+                    policy=leading.play(source, recorder),
+                    **leading.asked(),
                 )
             ending.enter_context(session)
             server = page.serve()

@@ -172,7 +172,7 @@ def export_lerobot(
     return Exported(
         episodes=episodes,
         frames=sum(export.frames for export in plans.values()),
-        left_out=len(paths) - episodes,
+        left_out=len(paths) - sum(export.recordings for export in plans.values()),
         failures=sum(export.failures for export in plans.values()),
         rows_left_out=dict(
             sum((Counter(plan.left_out) for plan in plans.values()), Counter())
@@ -224,23 +224,22 @@ def _plan(
             digests.add(digest)
             _check(recording, options, path)
             task = sources[number].reference(info)
-            rows = used_rows(recording, options, task, within=judgement.rows)
-            if not rows.spans:
-                continue
-            tasks.add(task)
-            episodes.append(
-                SourceEpisode(
-                    file=path.relative_to(sources[number].path).as_posix(),
-                    sha256=digest,
-                    length=len(rows.steps(options.every)),
-                    rows=rows,
-                    instruction=recording.info.instruction,
-                    data_set=number,
-                    domain=recording.info.domain,
-                    split=recording.info.split,
-                    look=_own_look(recording, path, options),
+            used = used_rows(recording, options, task, within=judgement.rows)
+            for rows in used.stretches():
+                tasks.add(task)
+                episodes.append(
+                    SourceEpisode(
+                        file=path.relative_to(sources[number].path).as_posix(),
+                        sha256=digest,
+                        length=len(rows.steps(options.every)),
+                        rows=rows,
+                        instruction=recording.info.instruction,
+                        data_set=number,
+                        domain=recording.info.domain,
+                        split=recording.info.split,
+                        look=_own_look(recording, path, options),
+                    )
                 )
-            )
     if not episodes:
         where = ", ".join(dict.fromkeys(path.parent.name for _, path in paths))
         names = " and ".join(str(source.path) for source in sources)

@@ -131,6 +131,11 @@ class Export:
         return self.first_row(len(self.episodes))
 
     @property
+    def recordings(self) -> int:
+        """Recordings of which rows are exported."""
+        return len({(episode.data_set, episode.file) for episode in self.episodes})
+
+    @property
     def left_out(self) -> dict[Reason, int]:
         """How many rows of the recordings are left out, for each reason."""
         counts = Counter[Reason]()

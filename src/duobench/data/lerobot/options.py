@@ -147,6 +147,7 @@ class EpisodeChoice(RowChoice):
     """Export episodes from there: the simulation, real arms, or both."""
 
     def __post_init__(self) -> None:
+        RowChoice.__post_init__(self)
         if self.only_successes and self.keep_failures:
             raise DataError(
                 "Failures are left out by one option and exported by the other; give one of "

@@ -91,12 +91,13 @@ def transitions(
         if source is None and (object_state or reward == DENSE):
             source = ImageSource(reference, cameras=())
         played = whole.until(whole.steps)
-        rows = used_rows(
+        used = used_rows(
             played, choice or RowChoice(), reference, within=judgement.rows
         )
-        steps = rows.steps()
-        if len(steps):
-            yield _transitions(played, steps, reward, action_mode, source, object_state)
+        for stretch in used.stretches():
+            yield _transitions(
+                played, stretch.steps(), reward, action_mode, source, object_state
+            )
 
 
 def _transitions(

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
-from duobench.core.types import OPENING_SLOTS, SIDES, DuoCommand
+from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, SIDES, DuoCommand
 from duobench.core.video import jpeg
 from duobench.data import DataSet, EpisodeInfo, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
@@ -170,7 +170,10 @@ class DataSource:
         for row in range(len(recording) + 1):
             show(recording, row)
             recorder.add(row, int(recording.stage[row]))
-        return recorder.trajectory(note)
+        corrections = recording.corrections
+        if corrections:
+            note = f"{note} {_in_words(corrections)}".strip()
+        return replace(recorder.trajectory(note), corrections=corrections)
 
     def images(self, item: str, row: int) -> dict[str, bytes]:
         """What the cameras of a rig saw in a row, as JPEG by camera; nothing of simulated takes.
@@ -475,6 +478,16 @@ def _picture_of(
         simulation.forward()
 
     return show
+
+
+def _in_words(corrections: Sequence[tuple[int, int, str]]) -> str:
+    """Corrections as a sentence."""
+    parts = [
+        f"{begin / CONTROL_HZ:.1f} to {end / CONTROL_HZ:.1f} s"
+        + (f" ({why})" if why else "")
+        for begin, end, why in corrections
+    ]
+    return f"Taken over from the policy: {', '.join(parts)}."
 
 
 def _recorded(name: str, take: Take) -> Item:

@@ -313,6 +313,7 @@ class Viewer:
                 "max_stage": len(shown.stages),
                 "stages": shown.stages,
                 "stage_changes": shown.stage_changes,
+                "corrections": shown.corrections,
                 "step": self._step,
                 "steps": self._last,
                 "state": ("playing" if self._plays else "paused")

@@ -18,14 +18,18 @@ from duobench.envs.duo_env import (
     Start,
     base_of,
 )
-from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
+from duobench.evaluation.policies import (
+    PolicyChoice,
+    PolicySource,
+    find_source,
+    parse_choice,
+)
 from duobench.evaluation.rollouts import Step, Watcher, rollout
+from duobench.policy.interruptible import InterruptiblePolicy
 from duobench.policy.registry import PolicyKind
-from duobench.policy.serving.address import RemoteServer
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import FAULT_KIND, WAITS, RealEnv
-from duobench.real.sessions.interruptible import InterruptiblePolicy
 from duobench.results.labels import FaultKind, StageLabels
 from duobench.results.records import REAL
 from duobench.results.run import TimeLimits
@@ -50,10 +54,8 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
         name: Its name, as `PolicyChoice` takes it; `NAME@URL` for one that is served.
         tasks: What it is to do, as far as that is known.
     """
-    plain, is_served, url = name.partition("@")
-    if is_served and url.startswith(("ws://", "wss://")):
-        choice = PolicyChoice(name=plain, server=RemoteServer(url=url))
-    else:
+    choice = parse_choice(name)
+    if choice.server is None:
         choice = PolicyChoice(name=as_real(name))
     if choice.kind.is_scripted:
         raise PolicyError(

@@ -22,11 +22,13 @@ from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
+from duobench.policy import PolicyMetadata
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import RealEnv, make_real_env
 from duobench.real.sessions.operator import QUIT, Operator, ask_to_make_ready
 from duobench.real.sessions.policy_runner import make_rig_recorder
 from duobench.real.sessions.session import CONNECTION_LOST, STOPPED, TAKEN_OVER
+from duobench.results.run import needed_options
 from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.intent import TeleopDevice
@@ -64,6 +66,7 @@ def make_real_recorder(
     actor: Actor,
     *,
     action_mode: str = CARTESIAN.name,
+    metadata: PolicyMetadata | None = None,
     time_limit_s: float = TIME_LIMIT_S,
     after_success: float = AFTER_SUCCESS_S,
 ) -> Recorder:
@@ -71,11 +74,13 @@ def make_real_recorder(
 
     The rig belongs to the environment from now on. For the rest see `teleoperation.make_recorder`.
     """
+    needed = {"cameras": (), "action_mode": action_mode}
+    if metadata is not None:
+        needed = needed_options(metadata)
     env = make_real_env(
         duo,
         task,
-        cameras=(),
-        action_mode=action_mode,
+        **needed,
         horizon=horizon_of(time_limit_s),
     )
     return make_rig_recorder(
@@ -151,7 +156,13 @@ class RigTeleoperation(Teleoperation):
         rig.supervisor.confirm()
 
     def _stand(self) -> bool:
-        """Keep both arms where they are, under control and unrecorded; whether nothing is wrong."""
+        """Keep both arms where they are, under control and unrecorded.
+
+        Not where they are held, or where a person has just said that a stage is reached: that
+        counts from the next control step on.
+        """
+        if self._judge.labels.stage != self._judge.stage:
+            return False
         self.env.pause()
         rig = self._real.rig
         rig.command(rig.last_command)

@@ -17,10 +17,10 @@ import gymnasium as gym
 
 from duobench.core.errors import BackendError, MessageError
 from duobench.evaluation.rollouts import Info, Observation, Step, Watcher
+from duobench.policy.interruptible import InterruptiblePolicy
 from duobench.real.duo import FrankaDuo
 from duobench.real.judge import HumanJudge
 from duobench.real.sessions import messages
-from duobench.real.sessions.interruptible import InterruptiblePolicy
 from duobench.real.sessions.policy_runner import PlayedEpisode, PolicyRunner
 from duobench.real.sessions.trials_folder import LogKind
 from duobench.results.labels import StageLabel

@@ -33,6 +33,7 @@ export class Status {
   #items = "";
   #isDrivable = false;
   #isDriver = false;
+  #hasDriven = false; // and was not replaced since
   #role = null;
   #name = null; // pseudonym under which this page drives, or is to
 
@@ -43,7 +44,7 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of ["keep", "discard", "restore", "alone"]) {
+    for (const kind of ["keep", "discard", "restore", "alone", "why"]) {
       this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
     }
     this.#part("#drive").addEventListener("click", () => {
@@ -90,6 +91,7 @@ export class Status {
     const wasDriver = this.#isDriver;
     this.#role = role;
     this.#isDriver = role.role === "driver";
+    this.#hasDriven ||= this.#isDriver;
     if (this.#isDriver && !wasDriver && this.#name !== null) {
       this.#tell({ kind: "operator", name: this.#name });
     }
@@ -97,8 +99,21 @@ export class Status {
     this.#showDriving();
   }
 
+  /** Whether this page drives. */
+  get isDriver() {
+    return this.#isDriver;
+  }
+
+  /** Who drives in place of this page, in words; empty while nobody does. */
+  get taken() {
+    const isTaken = this.#hasDriven && !this.#isDriver && this.#role?.drivers > 0;
+    return isTaken ? `${this.#other} took over.` : "";
+  }
+
+  /** Show how long the server took to answer; null while it does not. */
   showPing(milliseconds) {
-    this.#write(".ping", `${Math.round(milliseconds)} ms to the server`);
+    const time = milliseconds === null ? "–" : Math.round(milliseconds);
+    this.#write(".ping", `${time} ms to the server`);
   }
 
   showStep(step) {
@@ -130,14 +145,15 @@ export class Status {
 
   #showFacts(status) {
     const { count, kept, wanted, discarded, latency_ms: served, lost, clutch } = status;
-    const { state, pace, led_s: led, limit_s: limit } = status;
+    const { state, pace, led_s: led, limit_s: limit, policy } = status;
     const seen = this.latency();
     const said = (ms) => (ms === null || ms === undefined ? null : `${Math.round(ms)} ms`);
     const held = clutch && ["left", "right"].filter((side) => clutch[side]);
     const facts = {
       Episode: count,
+      Leads: policy ? (policy.leads ? policy.name : "you") : undefined,
       Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
-      World: RUNNING.includes(state) ? WORLD[pace] : undefined,
+      World: !RUNNING.includes(state) || policy?.leads ? undefined : WORLD[pace],
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
       Discarded: discarded || null,
       "Hand to picture": said(seen),
@@ -175,7 +191,8 @@ export class Status {
     this.#part(".timeline").hidden = !steps;
     if (!steps) return;
     const last = rest.max_stage ?? rest.stages?.length ?? 0;
-    this.#timeline.content = { steps: steps + 1, rate, changes, last };
+    const spans = rest.corrections ?? [];
+    this.#timeline.content = { steps: steps + 1, rate, changes, last, spans };
     this.#timeline.isPlaying = state === "playing";
     if (step !== undefined) this.#timeline.step = step;
   }
@@ -184,9 +201,9 @@ export class Status {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
     const { state, wording = "", operator, operators = [], discarded = 0 } = this.#last;
-    const as = drivers && operator ? ` as ${operator}` : "";
-    const who = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
-    const driving = who + as;
+    const you = operator ? `You drive as ${operator}` : "You drive";
+    const other = drivers ? `${this.#other} drives` : "Nobody drives";
+    const driving = role === "driver" ? you : other;
     const words = [
       this.#isDrivable && driving,
       watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
@@ -203,7 +220,11 @@ export class Status {
     keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
     const alone = this.#part("#alone");
     alone.hidden = !this.#isDriver || !this.#last.pace || !RUNNING.includes(state);
-    alone.setAttribute("aria-pressed", String(Boolean(this.#last.alone)));
+    const { policy } = this.#last;
+    alone.textContent = policy ? "Pause the policy" : "Run alone";
+    const isOn = policy ? policy.is_paused : this.#last.alone;
+    alone.setAttribute("aria-pressed", String(Boolean(isOn)));
+    this.#part("#why").hidden = alone.hidden || !policy?.is_explainable;
     this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
     this.#part("#wording").hidden = !this.#isDriver;
     this.#fill("#wording input", wording);
@@ -219,6 +240,11 @@ export class Status {
   #fill(selector, text) {
     const input = this.#part(selector);
     if (document.activeElement !== input) input.value = text;
+  }
+
+  /** The name of somebody else who drives, where the server says it. */
+  get #other() {
+    return this.#last.operator || "Another page";
   }
 
   #part(selector) {
