@@ -1,5 +1,6 @@
 """Takes: recordings as a person looks at them again, with what was said about them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -81,10 +82,8 @@ class Recorded:
             end = TRIMMED
         return Take(
             task=info.task,
-            operator=info.who,
-            device=", ".join(
-                dict.fromkeys(each.device for each in info.actors if each.device)
-            ),
+            operator=_words(actor.name or str(actor.kind) for actor in info.actors),
+            device=_words(actor.device or "" for actor in info.actors),
             led_s=round(self.led_s, 1),
             stage=0 if outcome is None else outcome.stage,
             max_stage=0 if outcome is None else outcome.max_stage,
@@ -99,3 +98,8 @@ class Recorded:
             by=judgement.by,
             at=judgement.at,
         )
+
+
+def _words(words: Iterable[str]) -> str:
+    """Words that are there, each once."""
+    return ", ".join(dict.fromkeys(filter(None, words)))
