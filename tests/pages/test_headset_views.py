@@ -23,14 +23,14 @@ def test_views_hang_on_a_board_and_move_with_the_arms() -> None:
     shown = Shown()
     with opened(IWER, WEAR, COUNT) as page:
         complaints = complaints_of(page)
+        page.set_viewport_size({"width": 700, "height": 560})
         take_the_drive(page, shown.server.url, shown.show)
         page.get_by_role("button", name="Enter VR").click()
-        until(page, "window.hung >= 9")
-        page.wait_for_timeout(500)
+        until(page, "window.hung >= 3")
         seen, hung = inset(page, "right_wrist"), page.evaluate("window.hung")
         shown.turn(0.3)
         shown.show()
-        until(page, f"window.hung >= {hung + 9}")
+        until(page, f"window.hung >= {hung + 6}")
         assert np.abs(inset(page, "right_wrist") - seen).mean() > 5
         assert complaints == []
     shown.server.close()
