@@ -229,7 +229,8 @@ def test_the_operator_is_chosen_on_the_page_and_takes_the_name_along(
 
 _MODULE = "text/javascript"
 _INPUTS = """export const startInputs = () => ({
-  headset: { isWorn: false }, hands: { sides: [], latency: { ms: null, arrived() {}, drawn() {} } } });"""
+  headset: { isWorn: false },
+  hands: { sides: [], latency: { ms: null, arrived() {}, drawn() {} } } });"""
 
 
 def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
