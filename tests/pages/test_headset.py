@@ -277,6 +277,24 @@ window.shape = (side, isHeld, trigger) => {
   inner(worn.hands[side]).poses = isHeld ? poses.held : poses.open;
   worn.hands[side].updatePinchValue(trigger);
 };
+/** How far iwer's pinch has to go for a trigger: from 7 cm between the tips to 2 cm. */
+window.pinchFor = (trigger) => {
+  const between = ({ jointTransforms }) => {
+    const [thumb, index] = ["thumb-tip", "index-finger-tip"].map((joint) =>
+      jointTransforms[joint].offsetMatrix.slice(12, 15));
+    return thumb.map((value, i) => value - index[i]);
+  };
+  const [apart, touching] = [between(poses.open.default), between(poses.open.pinch)];
+  const length = (share) =>
+    Math.hypot(...apart.map((value, i) => value * (1 - share) + touching[i] * share));
+  let [low, high] = [0, 1];
+  for (let i = 0; i < 40; i++) {
+    const middle = (low + high) / 2;
+    if (length(middle) > 0.07 - 0.05 * trigger) low = middle;
+    else high = middle;
+  }
+  return low;
+};
 shape("left", false, 0);
 shape("right", false, 0);
 """

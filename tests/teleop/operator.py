@@ -19,6 +19,7 @@ from duobench.tasks.experts.motion import Arms
 from duobench.teleop.messages import Message
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.messages import reader
+from duobench.world.kinematics.inverse import Kinematics
 
 ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)
 """The operator stands somewhere else; the axes are those of the room."""
@@ -65,6 +66,7 @@ class Operator:
     def __init__(self, session: Teleoperation, number: int = 0) -> None:
         self._session, self._number = session, number
         self._arms: Arms | None = None
+        self._kinematics = Kinematics()
 
     def next_message(self) -> bytes:
         """What the page would send now."""
@@ -79,6 +81,16 @@ class Operator:
             next(self._script, None)
         self._number += 1
         return message(self._number, *(self._hand(side, squeeze) for side in SIDES))
+
+    def at_tools(self, squeeze: float) -> dict[str, Any]:
+        """Both hands as they hold the tools where these were led last."""
+        command = sim_of(self._session.env).backend.last_command
+        tools = self._kinematics.forward(command.joints)
+        hands = {}
+        for side in SIDES:
+            pose = ROOM_FROM_WORLD @ tools[side] @ HELD[side]
+            hands[str(side)] = {**self._hand(side, squeeze), "pose": hand(pose)["pose"]}
+        return hands
 
     def _begin(self) -> None:
         env = sim_of(self._session.env)
