@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from duobench.core.spatial import SE3
-from duobench.core.types import CONTROL_HZ, SIDES
+from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.envs.sim_env import sim_of
 from duobench.tasks.experts.expert import find_script
 from duobench.tasks.experts.motion import Arms
@@ -82,13 +82,16 @@ class Operator:
         self._number += 1
         return message(self._number, *(self._hand(side, squeeze) for side in SIDES))
 
+    def tools(self) -> dict[Side, SE3]:
+        """Where the tools were led last."""
+        command = sim_of(self._session.env).backend.last_command
+        return dict(self._kinematics.forward(command.joints))
+
     def at_tools(self, squeeze: float) -> dict[str, Any]:
         """Both hands as they hold the tools where these were led last."""
-        command = sim_of(self._session.env).backend.last_command
-        tools = self._kinematics.forward(command.joints)
         hands = {}
-        for side in SIDES:
-            pose = ROOM_FROM_WORLD @ tools[side] @ HELD[side]
+        for side, tool in self.tools().items():
+            pose = ROOM_FROM_WORLD @ tool @ HELD[side]
             hands[str(side)] = {**self._hand(side, squeeze), "pose": hand(pose)["pose"]}
         return hands
 

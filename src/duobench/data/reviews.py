@@ -30,7 +30,11 @@ _Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 
 
 class Review(
-    msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, forbid_unknown_fields=True
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    omit_defaults=True,
+    forbid_unknown_fields=True,
 ):
     """One line: what somebody said about a recording; what is None or empty stays as it was."""
 

@@ -137,7 +137,9 @@ class Teleoperation:
         """Number of kept episodes, with those of earlier sessions."""
         self._episodes = None if data is None else SessionEpisodes(env, data)
         self._number = 0 if self._episodes is None else self._episodes.next_number
-        self._is_settled = False  # whether the episode that is over was kept or discarded
+        self._is_settled = (
+            False  # whether the episode that is over was kept or discarded
+        )
         self._reset()
 
     # --- from any thread ---------------------------------------------------------------------

@@ -55,7 +55,9 @@ class Recorded:
     def read(path: Path) -> "Recorded":
         """Read a file; a `DataError` if it cannot be read."""
         info = Recording.read_info(path)
-        return Recorded(path=path, info=info, led_s=Recording.read_led(path) / CONTROL_HZ)
+        return Recorded(
+            path=path, info=info, led_s=Recording.read_led(path) / CONTROL_HZ
+        )
 
     def take(self, reviews: Reviews) -> Take:
         """The take after what was said about it."""

@@ -145,7 +145,10 @@ class Viewer:
 
     def _on_message(self, command: Command) -> str | None:
         """Take a message, in the server's thread; any visitor of the page may choose."""
-        if isinstance(command, SelectItem | ReviewTake) and command.id not in self._known:
+        if (
+            isinstance(command, SelectItem | ReviewTake)
+            and command.id not in self._known
+        ):
             raise MessageError(f"There is no {command.id!r} to show.")
         if isinstance(command, ReviewTake) and not isinstance(self._source, DataSource):
             raise MessageError("Nothing is said about episodes of a run.")
@@ -183,7 +186,10 @@ class Viewer:
     def _review(self, command: ReviewTake) -> None:
         if not isinstance(self._source, DataSource):
             return
-        said = {name: getattr(command, name) for name in ("by", "kept", "note", "rows", "undo")}
+        said = {
+            name: getattr(command, name)
+            for name in ("by", "kept", "note", "rows", "undo")
+        }
         try:
             self._source.review(command.id, **said)
             self._note = "" if self._shown is None else self._shown.note

@@ -53,7 +53,7 @@ export class Board {
     const text = lines.join("\n");
     if (text === this.#shown) return;
     this.#shown = text;
-    const pen = this.#paper.getContext("2d");
+    const pen = this.#paper.getContext("2d", { willReadFrequently: true });
     pen.fillStyle = PAPER;
     pen.fillRect(0, 0, WIDTH, HEIGHT);
     pen.fillStyle = INK;
