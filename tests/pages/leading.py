@@ -63,9 +63,9 @@ class Led:
 
     def cut(self) -> None:
         """Cut the connection of who drives, as a network does: nobody says goodbye."""
-        driver = self._server._driver  # noqa: SLF001 - a network asks nobody
+        driver = self._server._driver
         assert driver is not None
-        self._server._server.call(driver.drop)  # noqa: SLF001
+        self._server._server.call(driver.drop)
 
     @property
     def _executed_s(self) -> float:

@@ -21,7 +21,7 @@ from duobench.evaluation.replay.trajectory import (
     TrajectoryRecorder,
 )
 from duobench.evaluation.replay.verification import disagreements
-from duobench.results.attempts import ERROR, FAILURE, SUCCESS
+from duobench.results.attempts import ERROR, FAILURE
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader
 from duobench.results.journal import end_of
