@@ -17,7 +17,7 @@ SURFACE = {
     "duobench": "Camera DuoBenchError __version__ make make_vec point_cloud register task_ids",
     "duobench.data": """
         ActionSource Actor ActorKind DataSet EpisodeInfo ExportOptions Exported
-        ImageSource Outcome Pairing Problem Recorder Recording Summary
+        ImageSource Outcome Pairing Problem Recorder Recording RowChoice Summary
         Transitions VideoCodec
         export_lerobot find_problems merge split summarize transitions write_page
     """,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,13 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from duobench.core.errors import DataError, PolicyError
-from duobench.core.lerobot_keys import ACTION, OBJECT_STATE, STATE, feature_names
+from duobench.core.lerobot_keys import (
+    ACTION,
+    OBJECT_STATE,
+    RECORDING_ROW,
+    STATE,
+    feature_names,
+)
 from duobench.envs.action_labels import LABELS, find
 from duobench.envs.spaces import JOINT_NAMES
 
@@ -48,6 +54,8 @@ class Demonstrations:
     """Rows of each episode."""
     names: tuple[str, ...]
     """What each number of an object state is."""
+    recorded: NDArray[np.int64] = field(default_factory=lambda: np.arange(0))
+    """Row (T,) of its recording that each row is; files of policies may lack it."""
 
     @staticmethod
     def load(
@@ -61,8 +69,10 @@ class Demonstrations:
         info = _described(folder)
         files = sorted((folder / "data").rglob("*.parquet"))
         columns = [STATE, OBJECT_STATE, ACTION, "episode_index", "next.success"]
+        columns.append(RECORDING_ROW)
         table = pq.ParquetDataset(files).read(columns=columns)
         number = table["episode_index"].to_numpy()
+        recorded = table[RECORDING_ROW].to_numpy()
         state, objects, labels = (_rows(table[name]) for name in columns[:3])
         state = state[
             :, : len(JOINT_NAMES)
@@ -79,18 +89,18 @@ class Demonstrations:
         state, objects, labels = state[kept], objects[kept], labels[kept]
         names = feature_names(info, OBJECT_STATE) or []
         lengths = np.unique(number[kept], return_counts=True)[1]
-        return Demonstrations(state, objects, labels, lengths, tuple(names))
+        return Demonstrations(
+            state, objects, labels, lengths, tuple(names), recorded[kept]
+        )
 
     def __add__(self, other: Demonstrations) -> Demonstrations:
         """Those of the other one behind these."""
-        kept = (
-            getattr(self, name) for name in ("state", "objects", "labels", "lengths")
+        columns = ("state", "objects", "labels", "lengths", "recorded")
+        state, objects, labels, lengths, recorded = (
+            np.concatenate([getattr(self, name), getattr(other, name)])
+            for name in columns
         )
-        more = (
-            getattr(other, name) for name in ("state", "objects", "labels", "lengths")
-        )
-        parts = (np.concatenate(both) for both in zip(kept, more, strict=True))
-        return Demonstrations(*parts, self.names)
+        return Demonstrations(state, objects, labels, lengths, self.names, recorded)
 
     def split(self, every: int) -> tuple[Demonstrations, Demonstrations]:
         """Those to learn from, and every n-th one, by which is seen whether that goes on."""
@@ -115,7 +125,8 @@ class Demonstrations:
         self, rows: NDArray[np.bool_], episodes: NDArray[np.bool_]
     ) -> Demonstrations:
         parts = (part[rows] for part in (self.state, self.objects, self.labels))
-        return Demonstrations(*parts, self.lengths[episodes], self.names)
+        lengths, recorded = self.lengths[episodes], self.recorded[rows]
+        return Demonstrations(*parts, lengths, self.names, recorded)
 
     def chunks(self, horizon: int) -> NDArray[np.int64]:
         """Rows of the chunk (T, horizon) that begins in each row; the last row is held."""

@@ -30,10 +30,9 @@ LIST = "files.sha256"
 
 
 def keep(data: Demonstrations, path: Path) -> None:
-    """Write demonstrations into one file."""
-    parts = {
-        field.name: np.asarray(getattr(data, field.name)) for field in fields(data)
-    }
+    """Write what is played of demonstrations into one file."""
+    names = [field.name for field in fields(data) if field.name != "recorded"]
+    parts = {name: np.asarray(getattr(data, name)) for name in names}
     np.savez_compressed(path, **parts)
 
 

@@ -278,16 +278,17 @@ def watch(demos: Path, task: str, data: Demonstrations) -> list[Pixels]:
     first, place = 0, 0
     for number, length in enumerate(data.lengths.tolist()):
         recording, state = next(recordings, None), data.state[first : first + length]
+        recorded = data.recorded[first : first + length]
         if (
             recording is None
-            or len(recording) < length
-            or not np.allclose(recording.agent_pos[:length], state, atol=1e-5)
+            or len(recording) <= recorded.max()
+            or not np.allclose(recording.agent_pos[recorded], state, atol=1e-5)
         ):
             raise DataError(
                 f"Episode {number} of {task} in {demos} is not that of the export."
             )
         for row in range(-first % EVERY, length, EVERY):
-            shown = source.images(recording, row)
+            shown = source.images(recording, recorded[row])
             for all_of_it, camera in zip(images, POLICY_CAMERAS, strict=True):
                 all_of_it[place] = shown[camera]
             place += 1

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ
 from duobench.data import Actor, ActorKind, DataSet
 from tests.teleop.operator import hand, message
 from tests.web.pages import TIMEOUT_S, open_page
@@ -33,6 +34,7 @@ def test_ctrl_c_leaves_what_was_recorded_and_says_how_much(tmp_path: Path) -> No
     out = tmp_path / "people"
     command = [sys.executable, "-m", "duobench", "teleop", "carry_pot", "--out", str(out)]
     command += ["--operator", "P07", "--scripted", "--lockstep", "--instruction", "Lift it."]
+    command += ["--limit", "20"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout
@@ -52,5 +54,7 @@ def test_ctrl_c_leaves_what_was_recorded_and_says_how_much(tmp_path: Path) -> No
     assert info.instruction == "Lift it."
     assert info.task_instruction.startswith("Lift the pot")
     assert len(recording) == STEPS
+    assert info.config is not None
+    assert info.config.horizon == 20 * CONTROL_HZ
     assert info.outcome is not None
     assert not info.outcome.kept

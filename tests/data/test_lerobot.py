@@ -131,6 +131,7 @@ def test_rows_pair_an_action_with_what_was_seen_before_or_after_it(
             "stage": recording.stage[seen],
             "index": HORIZON * index + np.arange(HORIZON),
             "domain": np.zeros(HORIZON),
+            "recording_row": np.arange(HORIZON),
             "timestamp": (np.arange(HORIZON) / 30).astype(np.float32),
             "frame_index": np.arange(HORIZON),
             "episode_index": np.full(HORIZON, index),

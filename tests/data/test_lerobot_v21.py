@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from duobench.core.errors import OtherRunError, UnknownNameError
+from duobench.core.files import digest_of
 from duobench.data import DataSet
 from duobench.data.lerobot import v21
 from duobench.data.lerobot.export import export_lerobot
@@ -57,7 +58,7 @@ def whole(folder: Path) -> dict[str, np.ndarray]:
     return {name: np.concatenate([each[name] for each in tables]) for name in tables[0]}
 
 
-def test_what_is_where_is_said_as_lerobot_reads_it(exported: Path) -> None:
+def test_what_is_where_is_said_as_lerobot_reads_it(original: DataSet, exported: Path) -> None:
     info = load(exported, "meta/info.json")
     expected = {
         "codebase_version": "v2.1",
@@ -77,8 +78,14 @@ def test_what_is_where_is_said_as_lerobot_reads_it(exported: Path) -> None:
     (task,) = lines(exported, "tasks.jsonl")
     assert task["task_index"] == 0
     assert lines(exported, "episodes.jsonl") == [
-        {"episode_index": index, "tasks": [task["task"]], "length": HORIZON}
-        for index in range(EPISODES)
+        {
+            "episode_index": index,
+            "tasks": [task["task"]],
+            "length": HORIZON,
+            "recording": path.relative_to(original.path).as_posix(),
+            "recording_sha256": digest_of(path),
+        }
+        for index, path in enumerate(original.episodes())
     ]
     for camera in POLICY_CAMERAS:
         key = f"observation.images.{camera}"

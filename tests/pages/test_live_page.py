@@ -1,6 +1,7 @@
 import base64
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,17 @@ from playwright.sync_api import Browser, Page
 from dev.tools.pages import PHONE, View
 from duobench.evaluation.replay.viewer import Command, SeekStep, SelectItem, SetPlaying
 from duobench.tasks import get
-from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, Restore
+from duobench.teleop.messages import (
+    Alone,
+    Discard,
+    Hands,
+    Instruction,
+    Keep,
+    Message,
+    Operator,
+    Restore,
+)
+from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
 from duobench.teleop.teleoperation import AWAY
 from duobench.web import access
 from duobench.web.geometry import Geometry
@@ -35,12 +46,12 @@ STATUS = {
     "step": 4,
     "steps": 30,
     "state": "paused",
-    "items": [
-        {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
-        {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
-    ],
     "selected": "a",
 }
+ITEMS = [
+    {"id": "a", "title": "Episode 0", "detail": "success", "state": ""},
+    {"id": "b", "title": "Episode 1", "detail": "stage 2 of 3", "state": ""},
+]
 
 DRIVEN = STATUS | {"steps": None, "clutch": {"left": False, "right": False}, "state": "waiting"}
 
@@ -57,6 +68,7 @@ class Shown:
         self.asked: list[PageMessage] = []
         self.server.listen(Command | Message, self.asked.append)
         self.server.publish_scene(self.geometry.name, self.geometry.data)
+        self.server.publish_items(ITEMS)
         self.server.publish_status(STATUS)
         self.frame(4)
 
@@ -131,8 +143,8 @@ def test_status_is_shown_in_words(page: Page, shown: Shown) -> None:
     assert states == ["reached", "later", "open"]
     assert page.locator(".link").text_content() == "Connected"
     assert page.locator(".marks i").count() == 2
-    shown.server.publish_status({"title": "transfer_cube", "state": "recording", "stage": 0})
-    until(page, "document.querySelector('.state').textContent == 'Recording'")
+    shown.server.publish_status({"title": "transfer_cube", "state": "playing", "stage": 0})
+    until(page, "document.querySelector('.state').textContent == 'Playing'")
     assert page.locator(".timeline").is_hidden()
     assert page.locator("#choice").is_hidden()
 
@@ -146,11 +158,20 @@ def test_people_choose_seek_and_play(page: Page, shown: Shown) -> None:
     wait_for(page, shown, SetPlaying(on=True))
 
 
+def panel(*buttons: Button) -> dict[str, Any]:
+    """The panel of a session that waits to be decided."""
+    made = Panel(steps=(LEAD, SOLVED), now=1, title="Keep or discard?", buttons=buttons)
+    return made.to_json()
+
+
 def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) -> None:
     assert page.locator("#driving").is_hidden()  # nobody asked for hands
     page.route("**/inputs.js", lambda route: route.fulfill(body=_INPUTS, content_type=_MODULE))
     status = {**STATUS, "steps": None, "clutch": {"left": False, "right": True}, "kept": 2}
-    shown.server.publish_status({**status, "state": "recording", "wanted": 10})
+    discard = Button(id="discard", words="Discard", message=Discard())
+    shown.server.publish_status(
+        {**status, "state": "recording", "wanted": 10, "panel": panel(discard)}
+    )
     page.click("#drive")
     until(page, "document.querySelector('.role').textContent == 'You drive'")
     assert [page.locator(f"#{id}").is_visible() for id in ("drive", "keep", "discard")] == [
@@ -160,11 +181,18 @@ def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) ->
     ]
     assert page.locator(".facts").text_content() == "Kept2 of 10Clutchright closed"
     # On real arms nothing else sees that it is solved.
-    shown.server.publish_status({**status, "state": "recording", "may_keep": True})
+    solved = Button(id="keep", words="Solved", message=Keep())
+    shown.server.publish_status({**status, "state": "recording", "panel": panel(solved, discard)})
     page.wait_for_selector("#keep:visible")
     assert page.locator("#keep").text_content() == "Solved"
-    status = {**status, "state": "success", "may_keep": True, "success": True}
-    shown.server.publish_status(status)
+    why_not = replace(discard, why_not="the arms move")
+    keep = replace(solved, words="Keep", is_next=True)
+    shown.server.publish_status({**status, "state": "success", "panel": panel(why_not, keep)})
+    page.wait_for_selector("#keep.next")
+    assert page.locator("#discard").is_disabled()
+    assert page.locator(".buttons").text_content() == "Discard: the arms moveKeep"
+    assert page.locator(".steps [aria-current=step]").text_content() == "2 Solved?"
+    assert broken_rules(page) == []
     page.get_by_role("button", name="Keep").click()
     wait_for(page, shown, Keep())
     page.fill("#wording input", "Pass it on.")
@@ -172,9 +200,34 @@ def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) ->
     wait_for(page, shown, Instruction("Pass it on."))
 
 
+def test_the_operator_is_chosen_on_the_page_and_takes_the_name_along(
+    page: Page, window: Browser, shown: Shown
+) -> None:
+    people = {"operator": "P07", "operators": ["P07", "P09"], "wording": "Pass it on."}
+    shown.server.publish_status(DRIVEN | people)
+    page.get_by_role("button", name="Drive").click()
+    until(page, "document.querySelector('.role').textContent == 'You drive as P07'")
+    assert page.locator("#wording input").input_value() == "Pass it on."
+    names = page.locator("#operators option").evaluate_all("(all) => all.map((one) => one.value)")
+    assert names == ["P07", "P09"]
+    with opened(window, shown.server.url) as other:
+        box = other.get_by_label("Pseudonym of the operator")
+        assert box.input_value() == "P07"
+        box.fill("P08")
+        other.keyboard.press("Enter")
+        assert broken_rules(other) == []
+        assert not any(isinstance(each, Operator) for each in shown.asked), "it only watches"
+        other.get_by_role("button", name="Take over").click()
+        wait_for(other, shown, Operator("P08"))
+        shown.server.publish_status(DRIVEN | people | {"operator": "P08"})
+        until(page, "document.querySelector('.role').textContent.startsWith('P08 drives')")
+        page.get_by_role("button", name="Take over").click()
+        wait_for(page, shown, Operator("P07"))
+
+
 _MODULE = "text/javascript"
 _INPUTS = """export const startInputs = () => ({
-  headset: { isWorn: false }, hands: { latency: { ms: null, arrived() {}, drawn() {} } } });"""
+  headset: { isWorn: false }, hands: { sides: [], latency: { ms: null, arrived() {}, drawn() {} } } });"""
 
 
 def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
@@ -186,7 +239,7 @@ def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
     page.get_by_role("button", name="Drive").click()
     page.get_by_role("button", name="Left arm").click()
     wait(page, lambda: len(hands()) > 3)
-    box = page.locator("canvas").bounding_box()
+    box = page.locator("canvas").first.bounding_box()
     assert box
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(*middle)
@@ -211,6 +264,25 @@ def test_a_recording_that_waits_says_so_and_may_be_discarded(page: Page, shown: 
     assert broken_rules(page) == []
     page.get_by_role("button", name="Discard").click()
     wait_for(page, shown, Discard())
+
+
+def test_page_says_that_the_world_stands_and_lets_it_run_alone(page: Page, shown: Shown) -> None:
+    led = DRIVEN | {"state": "recording", "pace": "led", "led_s": 34.6, "limit_s": 600.0}
+    shown.server.publish_status(led)
+    page.get_by_role("button", name="Drive").click()
+    page.get_by_text("Recording", exact=True).wait_for()
+    facts = str(page.locator(".facts").text_content())
+    assert "Led34 of 600 sWorldruns as you lead" in facts
+    shown.server.publish_status(led | {"pace": "standing"})
+    page.get_by_text("Standing still: lead on", exact=True).wait_for()
+    button = page.get_by_role("button", name="Run alone")
+    assert button.get_attribute("aria-pressed") == "false"
+    assert broken_rules(page) == []
+    button.click()
+    wait_for(page, shown, Alone())
+    shown.server.publish_status(led | {"pace": "alone", "alone": True})
+    page.wait_for_selector("#alone[aria-pressed=true]")
+    assert broken_rules(page) == []
 
 
 def test_what_was_discarded_is_restored_by_a_button(page: Page, shown: Shown) -> None:

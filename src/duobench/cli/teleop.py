@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import tyro
@@ -13,13 +14,16 @@ from duobench.cli.shared.leading import LeadingOptions, lead
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine
 from duobench.core.files import taken_back
+from duobench.tasks import catalog
 
 _LEADING, _PAGE = LeadingOptions(), PageOptions()
 
 
 def run(
-    task: tyro.conf.Positional[str],
+    task: tyro.conf.Positional[str | None] = None,
+    *,
     out: Path,
+    plan: str | None = None,
     episodes: int = 10,
     look: str = "default",
     leading: tyro.conf.OmitArgPrefixes[LeadingOptions] = _LEADING,
@@ -29,13 +33,18 @@ def run(
 
     Open the printed address, and lead both arms by mouse and keys, gamepad or headset; the page
     says how. The environment decides success, and you say which episodes are kept. Layouts are
-    those of the split train. The same command goes on with a data set until it has as many
-    episodes.
+    those of the split train, and those that were given up come back at the end. The same command
+    goes on with a data set until it has as many episodes.
+
+    With --policy, the policy plays and you correct it; rows say who led.
 
     Args:
-        task: Id of a task (see: duobench list) or module:ATTRIBUTE.
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE; or name several by --plan.
         out: Folder of the data set.
-        episodes: How many episodes of the task to keep, those that are there counted.
+        plan: Tasks, layouts of each, and how often each is led: 11x50 for all tasks,
+            bin_sort,carry_pot x 20 x 2 for two of them. Each task follows on the page by itself;
+            several operators, each with a process of their own, lead different ones.
+        episodes: How many episodes of the one task to keep, those that are there counted.
         look: How images of the episodes look, unless they are exported with another one.
         leading: Who leads the arms, and with what.
         page: Where the page is served.
@@ -44,30 +53,60 @@ def run(
         raise AdvisedError(
             "Leader arms send no messages to step by: leave out --lockstep."
         )
+    if (task is None) == (plan is None):
+        raise AdvisedError("Name one task, or several by --plan, such as --plan 11x50.")
     load_engine()
+    from duobench.data import Actor, DataSet
     from duobench.data.dataset import DESCRIPTION
+    from duobench.evaluation.policies import source as find_policy
+    from duobench.results.suite import find_tasks
+    from duobench.teleop.plan import Plan, PlannedSessions
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.teleop.teleoperation import Teleoperation, make_recorder
 
+    wanted = (
+        Plan.parse(plan or "")
+        if task is None
+        else Plan(tasks=(task,), layouts=episodes)
+    )
+    if leading.instruction and len(wanted.tasks) > 1:
+        raise AdvisedError(
+            "--instruction goes with one task; type those of a plan on the page."
+        )
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
-        recorder = make_recorder(
-            task,
-            out,
-            actor,
-            action_mode=led_by.action_mode,
-            time_limit_s=leading.limit,
-            look=look,
-        )
-        session = ending.enter_context(
-            Teleoperation(
+        tasks = find_tasks(wanted.tasks)
+        source = leading.find_policy(partial(find_policy, tasks=tasks), ending)
+
+        def make(task: str, actor: Actor) -> Teleoperation:
+            recorder = make_recorder(
+                task,
+                out,
+                actor,
+                action_mode=led_by.action_mode,
+                metadata=None if source is None else source.metadata,
+                time_limit_s=leading.limit,
+                look=look,
+            )
+            return Teleoperation(
                 recorder,
                 led_by,
-                episodes=episodes,
+                episodes=wanted.layouts,
+                times=wanted.times,
+                tasks=wanted.ids,
+                policy=leading.play(source, recorder),
                 **leading.asked(),
             )
-        )
-        server = page.serve()
-        ending.callback(server.close)
-        times = lead(TeleopPage(session, server), server, "Ctrl-C ends the session.")
-        say(f"{counted(session.kept, 'episode')} of {task} in {out}{times}")
+
+        data = DataSet.open(out, own_tasks=catalog.import_paths(wanted.tasks))
+        sessions = ending.enter_context(PlannedSessions(wanted, data, make, actor))
+        session = sessions.next()
+        times = ""
+        if session is not None:
+            server = page.serve()
+            ending.callback(server.close)
+            live = TeleopPage(session, server, sessions)
+            times = lead(live, server, "Ctrl-C ends the session.")
+        for name, progress in sessions.progress.items():
+            progress.refresh()
+            say(f"{counted(progress.kept, 'episode')} of {name} in {out}{times}")

@@ -187,6 +187,10 @@ class NamesTakenError(DataError):
     """Different episodes have the same name."""
 
 
+class NoSuccessesError(DataError):
+    """All that there is are failures, which are not wanted."""
+
+
 class NoObjectStatesError(DataError):
     """A policy learns from where objects are, and from nothing else."""
 

@@ -20,6 +20,8 @@ DOMAIN = "domain"
 """Column of an export that says where a row is from; the index of one of `DOMAINS`."""
 DOMAINS = ("sim", "real")
 """Meaning of the numbers 0 and 1 of that column, for mixed training."""
+RECORDING = "recording"
+"""Column of the table of episodes that names its file, from the folder of its data set."""
 RECORDING_ROW = "recording_row"
 """Column of an export that says which row of its recording a row is."""
 LAST = "checkpoints/last/pretrained_model"

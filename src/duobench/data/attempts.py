@@ -1,6 +1,7 @@
 """Attempts at episodes of a data set, also at those that it does not hold."""
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from duobench.core.errors import DataError
@@ -8,6 +9,8 @@ from duobench.core.files import encode, make_folder, read, write
 from duobench.core.randomness import episode_seed
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
+from duobench.data.reviews import DISCARDED, Reviews
+from duobench.data.schema import Actor
 from duobench.data.stream import INTERRUPTED
 
 ATTEMPTS, TAKES = "attempts.json", "takes"
@@ -38,6 +41,15 @@ class Attempt:
     kept: bool
     error: str | None
     """The last line of the error that it failed with, or why it is not kept."""
+    layout: int | None = field(default=None, compare=False)
+    """Index of its layout in its split; None where that is the index of the episode."""
+    actor: Actor | None = field(default=None, compare=False)
+    """Who led it, if a person or a program in the place of one did."""
+
+    @property
+    def of_layout(self) -> int:
+        """Index of its layout in its split."""
+        return self.episode if self.layout is None else self.layout
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -50,12 +62,34 @@ class Attempts:
 
 
 def of_task(data: DataSet, task: str) -> list[Attempt]:
-    """Attempts that were begun for a task, by any actor; a `FileError` if it cannot be read."""
+    """Attempts that were begun for a task, by any actor; a `FileError` if it cannot be read.
+
+    What was discarded, or kept after all, at a second look is told as it stands.
+    """
     paths = (data.path / ATTEMPTS, _session_attempts(data, task))
     found = [read(path, Attempts, ATTEMPTS_SCHEMA) for path in paths if path.exists()]
+    reviews = data.reviews
     return sorted(
-        each for listed in found for each in listed.attempts if each.task == task
+        _judged(data, each, reviews)
+        for listed in found
+        for each in listed.attempts
+        if each.task == task
     )
+
+
+def _judged(data: DataSet, attempt: Attempt, reviews: Reviews) -> Attempt:
+    path = data.episode(attempt.task, f"{attempt.episode:05d}")
+    kept = None
+    with suppress(DataError):  # a file that cannot be read is found elsewhere
+        kept = reviews.of(path).kept if path.exists() else None
+    if kept is None or kept == attempt.kept:
+        return attempt
+    return replace(attempt, kept=kept, error=None if kept else DISCARDED)
+
+
+def led_tasks(data: DataSet) -> list[str]:
+    """Ids of the tasks at which attempts of people were noted, sorted."""
+    return sorted(path.stem for path in (data.path / TAKES).glob("*.json"))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -59,7 +59,8 @@ def find_problems(
     and its outcome must agree with them. It must begin with the layout of its seed and split and
     with the state of its first hash, bit for bit. Every video must belong to an episode, every
     episode must have its videos, and these must be unchanged and hold the frames that its rows
-    name. What was said at a second look must be about episodes that are there. Only an action replay shows that the last state follows from the commands.
+    name. What was said at a second look must be about episodes that are there. Only an action
+    replay shows that the last state follows from the commands.
 
     Args:
         data: The data set.
@@ -158,7 +159,7 @@ def _reviewed(data: DataSet) -> Iterator[Problem]:
             if rows is not None and rows[1] > length:
                 yield Problem(
                     path=reviews.path,
-                    what=f"It names rows {rows[0]} to {rows[1]} of {name}, which has 0 to {length}.",
+                    what=f"It names row {rows[1]} of {name}, whose last one is {length}.",
                 )
 
 

@@ -19,7 +19,6 @@ from duobench.core.versions import package_versions
 from duobench.data.dataset import DataSet
 from duobench.data.schema import (
     Actor,
-    ActorKind,
     Domain,
     EpisodeInfo,
     Outcome,
@@ -124,8 +123,8 @@ class Recorder(DuoWrapper):
         self.leader: Actor | None = None
         """Actor of the next actions of this episode, where that is not `actor`."""
         self.device: str | None = None
-        """Device that led in this episode, where that shows only while it runs; else the
-        actor's."""
+        """Device that the present leader has led with in this episode, where that shows only while
+        it runs; else the actor's."""
         if rig is not None and self.data is None:
             raise DataError(
                 "What cameras of a rig see is recorded in a data set; name one."
@@ -138,6 +137,7 @@ class Recorder(DuoWrapper):
         )
         self._intended: Array | None = None
         self._leaders: list[Actor] = []
+        self._devices: dict[int, str] = {}  # by the place of who leads
         self._steps_after_success = steps_after_success(after_success)
         self._steps_left = 0  # after success, of an episode that has succeeded
         observed = getattr(env.observation_space, "spaces", {})
@@ -201,6 +201,7 @@ class Recorder(DuoWrapper):
         self._steps_left = 0
         self.device = self.leader = None
         self._leaders = []
+        self._devices = {}
         self._episode.append(self._seen(self._episode, observation, info))
         return observation, info
 
@@ -225,7 +226,9 @@ class Recorder(DuoWrapper):
         if episode is not None:
             row = {"action": given if wanted is None else wanted, "sent": info["sent"]}
             row |= {"clutch": self.clutch} if episode.info.has_clutch else {}
-            row |= {"leader": self._place_of_leader(episode)}
+            place = self._place_of_leader(episode)
+            self._note_leaders(episode, place)
+            row |= {"leader": place}
             episode.complete(row | {"reward": reward})
             episode.append(self._seen(episode, observation, info))
             reason = info.get(TRUNCATION_REASON)
@@ -280,14 +283,28 @@ class Recorder(DuoWrapper):
 
     def _place_of_leader(self, episode: EpisodeRows) -> int:
         """Place of who leads this row among those who led; the first one is the actor."""
-        leader = self.leader or episode.info.actor
+        first = self._leaders[0] if self._leaders else episode.info.actor
+        leader = self.leader or first
         if leader not in self._leaders:
             self._leaders.append(leader)
-            if len(self._leaders) > 1:
-                episode.note(leaders=tuple(self._leaders))
-            elif leader != episode.info.actor:
-                episode.note(actor=leader)
         return self._leaders.index(leader)
+
+    def _note_leaders(self, episode: EpisodeRows, place: int) -> None:
+        """Note who has led so far, where the one at a place led last, and with which devices."""
+        if self.device is not None:
+            self._devices[place] = self.device
+        actors = tuple(map(self._with_device, range(len(self._leaders))))
+        if actors != episode.info.actors:
+            leaders = actors if len(actors) > 1 else ()
+            episode.note(actor=actors[0], leaders=leaders)
+
+    def _with_device(self, place: int) -> Actor:
+        """A leader with the last device of its own rows; a policy has none."""
+        leader = self._leaders[place]
+        if leader.kind.is_policy:
+            return leader
+        device = self._devices.get(place) or self.device or leader.device
+        return replace(leader, device=device)
 
     def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, unrecorded; the running episode's recording ends here."""
@@ -326,25 +343,19 @@ class Recorder(DuoWrapper):
         # A step that was broken off has left another state than that of the last row.
         is_last = np.array_equal(self._physics(), rows[-1]["state"])
         last_hash = self.state_hash() if self._sim is not None and is_last else None
+        if self._leaders:
+            self._note_leaders(episode, int(rows["leader"][-2]))
         info = episode.info
         episode.info = replace(
             info,
             outcome=outcome,
             last_hash=last_hash,
-            actor=self._with_device(info.actor),
-            leaders=tuple(map(self._with_device, info.leaders)),
             takeovers=tuple(one for one in info.takeovers if one.step < len(rows) - 1),
         )
         if self._is_reviewed:
             episode.flush()
         else:
             self._write()
-
-    def _with_device(self, actor: Actor) -> Actor:
-        """An actor with the device that led, unless it is a policy, which has none."""
-        if actor.kind in (ActorKind.POLICY, ActorKind.EXPERT):
-            return actor
-        return replace(actor, device=self.device or actor.device)
 
     @property
     def pending(self) -> Outcome | None:

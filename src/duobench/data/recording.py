@@ -125,6 +125,24 @@ class Recording:
         """Control steps until success, or until the end; what comes after success is no part."""
         return len(self) if self.success_step is None else self.success_step
 
+    @property
+    def is_led_by_policy(self) -> NDArray[np.bool_]:
+        """Whether a policy led each row (T,), and no person."""
+        return np.array([actor.kind.is_policy for actor in self.info.actors])[
+            self.leader
+        ]
+
+    @property
+    def corrections(self) -> tuple[tuple[int, int, str], ...]:
+        """Stretches that were led in the place of a policy: first row, row after it, and reason."""
+        ends = np.append(np.flatnonzero(self.is_led_by_policy), len(self))
+        found = []
+        for takeover in self.info.takeovers:
+            if takeover.step < len(self):
+                end = int(ends[np.searchsorted(ends, takeover.step)])
+                found.append((takeover.step, end, takeover.why))
+        return tuple(found)
+
     def until(self, actions: int) -> "Recording":
         """The episode up to what was seen after so many actions."""
         rows = {
@@ -176,12 +194,12 @@ class Recording:
     @staticmethod
     def read_led(path: Path) -> int:
         """Number of actions in which a hand led an arm; of all where nothing says who led."""
-        with _reading(path):
-            names = pq.read_schema(path).names
-            if "clutch" not in names:
-                return Recording.read_length(path)
-            table = pq.read_table(path, columns=["clutch"])
-            clutch = to_numpy(table.column("clutch").combine_chunks()[:-1])
+        with _reading(path), pq.ParquetFile(path) as file:
+            length = file.metadata.num_rows - 1
+            if length < 1 or "clutch" not in file.schema_arrow.names:
+                return length
+            column = file.read(columns=["clutch"]).column("clutch")
+            clutch = to_numpy(column.combine_chunks()[:length])
             return int(clutch.any(axis=1).sum())
 
     def write(self, path: Path) -> None:

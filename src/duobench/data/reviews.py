@@ -97,6 +97,20 @@ class Judgement:
             )
         return found
 
+    def says(
+        self,
+        *,
+        kept: bool | None = None,
+        note: str | None = None,
+        rows: tuple[int, int] | None = None,
+        undo: bool = False,
+        by: str = "",  # noqa: ARG002 - it is no matter
+    ) -> bool:
+        """Whether it would be the same after a line with these words; see `Reviews.add`."""
+        said = {"kept": kept, "note": note, "rows": rows}
+        news = [name for name, value in said.items() if value is not None]
+        return not undo and all(getattr(self, name) == said[name] for name in news)
+
     def judged(self, info: EpisodeInfo) -> EpisodeInfo:
         """The facts about an episode with this judgement in its outcome.
 
@@ -209,8 +223,6 @@ class Reviews:
         length = Recording.read_length(episode)
         if rows is not None and rows[1] > length:
             raise DataError(f"The rows of {episode} are 0 to {length}, got {rows}.")
-        if undo and self.of(episode) == Judgement():
-            raise DataError(f"Nothing was said about {name_of(episode)} that stands.")
         said = {
             "episode": name_of(episode),
             "facts": Recording.read_checksum(episode),
@@ -227,6 +239,8 @@ class Reviews:
         except (msgspec.ValidationError, UnicodeEncodeError) as error:
             text = f"This cannot be said about {episode}: {error}".rstrip(".")
             raise DataError(f"{text}.") from error
+        if undo and self.of(episode) == Judgement():
+            raise DataError(f"Nothing was said about {name_of(episode)} that stands.")
         self.append([review])
         return review
 

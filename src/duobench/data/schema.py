@@ -179,6 +179,15 @@ class ActorKind(StrEnum):
     SCRIPTED_OPERATOR = "scripted operator"
     """A program in the place of a person, which moves hands as an expert moves tools."""
 
+    @property
+    def is_policy(self) -> bool:
+        """Whether it is what a person may take over from."""
+        return self in (ActorKind.POLICY, ActorKind.EXPERT)
+
+
+PEOPLE = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)
+"""Kinds of actors that lead: a person, or a program in the place of one."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Actor:
@@ -286,6 +295,21 @@ class EpisodeInfo:
     def actors(self) -> tuple[Actor, ...]:
         """All who led, in the order in which they did first: `leader` is a place in these."""
         return self.leaders or (self.actor,)
+
+    @property
+    def who(self) -> str:
+        """Names of all who led."""
+        return ", ".join(each.name or str(each.kind) for each in self.actors)
+
+    @property
+    def operator(self) -> str:
+        """Name of the first one who led and is no policy; empty without."""
+        return next((each.name for each in self.actors if not each.kind.is_policy), "")
+
+    @property
+    def is_led(self) -> bool:
+        """Whether a person led in it, or a program in the place of one."""
+        return any(actor.kind in PEOPLE for actor in self.actors)
 
     @property
     def widths(self) -> dict[str, int]:

@@ -299,6 +299,6 @@ def read_left(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
     if head.has_leader:
         return head.info, rows
     whole = np.zeros(len(rows), replace(head, has_leader=True).row_type())
-    for name in kind.names:
+    for name in kind.names or ():
         whole[name] = rows[name]
     return head.info, whole

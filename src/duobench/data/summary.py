@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
 from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
-from duobench.data.attempts import SKIPPED, Attempt, compared, of_task
+from duobench.data.attempts import SKIPPED, Attempt, compared, led_tasks, of_task
 from duobench.data.dataset import DataSet
+from duobench.data.leading import Leading, Take, add_up, takes_without_file
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
 from duobench.data.used_rows import Reason, RowChoice, used_rows
@@ -65,13 +66,17 @@ class TaskSummary:
     discarded: int
     """Number of episodes that are not meant to be used."""
     cut: int
+    failures_led: int
+    """Number of kept episodes without success that people led; exports leave them out by
+    default."""
     frames: int
     """Actions of all episodes."""
     lengths: tuple[int, ...]
     """Control steps of each episode until it succeeded or ended, ascending."""
     stage_seconds: tuple[float, ...]
     """Mean seconds that an episode spends in stage 0, 1, ..., n."""
-    actors: tuple[str, ...]
+    rows_led: dict[str, int]
+    """Rows that each actor led, in the order in which they did first."""
     repeated_layouts: int
     """Episodes whose layout an earlier one has too."""
     eval_layouts: int
@@ -87,9 +92,31 @@ class TaskSummary:
     """Frames that are missing in videos, because the encoder was too far behind."""
     unused: dict[Reason, int] = field(default_factory=dict)
     """Rows that exports leave out by default, for each reason."""
+    reviewed: int = 0
+    """Episodes about which something was said at a second look that stands."""
 
     attempts: tuple[Attempt, ...] = ()
     """Episodes that were begun for the data set, as far as that was noted."""
+
+    takeovers: dict[str, int] = field(default_factory=dict)
+    """Take-overs of a policy, by the reason that was given; empty words without one."""
+
+    @property
+    def actors(self) -> tuple[str, ...]:
+        """All who led, in words."""
+        return tuple(self.rows_led)
+
+    @property
+    def corrected(self) -> str:
+        """Rows that each led, and reasons of take-overs, in words; empty without take-overs."""
+        if not self.takeovers:
+            return ""
+        rows = ", ".join(f"{who} {count}" for who, count in self.rows_led.items())
+        reasons = ", ".join(
+            f"{why or 'no reason given'} {count}"
+            for why, count in sorted(self.takeovers.items())
+        )
+        return f"rows led by {rows}; take-overs: {reasons}"
 
     @property
     def attempted(self) -> str:
@@ -97,8 +124,10 @@ class TaskSummary:
         if not self.attempts:
             return ""
         begun = sum(each.error != SKIPPED for each in self.attempts)
-        lost = [str(each.episode) for each in self.attempts if not each.kept]
-        words = f"{begun} begun, {len(self.attempts) - len(lost)} of them kept"
+        kept = [each.of_layout for each in self.attempts if each.kept]
+        tried = {each.of_layout for each in self.attempts}
+        lost = [str(layout) for layout in sorted(tried.difference(kept))]
+        words = f"{begun} begun, {len(kept)} of them kept"
         named = ", ".join(lost[:MOST_NAMED] + ["…"] * (len(lost) > MOST_NAMED))
         return f"{words}; given up: layouts {named}" if lost else words
 
@@ -139,6 +168,8 @@ class Summary:
     """Joint by joint, left then right; none if there is no action."""
     differences: dict[str, str] = field(default_factory=dict)
     """Differences of files from noted attempts, by task, in words."""
+    leading: tuple[Leading, ...] = ()
+    """What operators have led, by task, operator and device."""
 
     @property
     def episodes(self) -> int:
@@ -181,30 +212,48 @@ def summarize(data: DataSet) -> Summary:
     commands = []
     speeds = []
     names = ()
+    reviews = data.reviews
     differences = {
         task: words for task, each in compared(data).items() if (words := str(each))
     }
+    led: list[Take | None] = []
+    for task in led_tasks(data):
+        files = {path.stem for path in data.episodes(task)}
+        led += takes_without_file(of_task(data, task), files)
     for task in data.tasks:
         recordings = []
         unused = Counter[Reason]()
-        for recording in data.recordings(task):
+        reviewed = 0
+        for path in data.episodes(task):
+            recording = Recording.read(path)
+            judgement = reviews.of(path)
+            reviewed += bool(judgement.at)
+            recording = replace(recording, info=judgement.judged(recording.info))
             commands.append(recording.sent.astype(np.float32))
             speeds.append(np.abs(recording.joint_velocity).max(axis=0))
             names = recording.info.observation_names
             reference = data.reference(recording.info)
-            unused.update(used_rows(recording, RowChoice(), reference).left_out)
+            rows = used_rows(recording, RowChoice(), reference, within=judgement.rows)
+            unused.update(rows.left_out)
+            led.append(Take.of(recording, rows))
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))
         definition = catalog.get(data.reference(recordings[0].info))
         found = _summarize_task(definition, recordings)
-        tasks.append(replace(found, attempts=begun, unused=dict(unused)))
+        found = replace(found, attempts=begun, reviewed=reviewed, unused=dict(unused))
+        tasks.append(found)
     if not tasks:
         words = "".join(f" Of {task} {each}." for task, each in differences.items())
         raise DataError(f"{data.path} holds no episode.{words}")
     sent = np.concatenate(commands)
     joints = _summarize_joints(names, sent, np.max(speeds, axis=0)) if len(sent) else ()
-    return Summary(tasks=tuple(tasks), joints=tuple(joints), differences=differences)
+    return Summary(
+        tasks=tuple(tasks),
+        joints=tuple(joints),
+        differences=differences,
+        leading=add_up([each for each in led if each is not None]),
+    )
 
 
 def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
@@ -222,13 +271,15 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
         horizon=task.horizon,
         stages=tuple(stage.name for stage in task.stages),
         episodes=len(recordings),
-        successes=sum(bool(each.success[-1]) for each in recordings),
+        successes=sum(outcome is not None and outcome.success for outcome in outcomes),
+        failures_led=sum(map(_is_led_failure, infos)),
         discarded=sum(outcome is None or not outcome.kept for outcome in outcomes),
         cut=sum(outcome is None or outcome.cut for outcome in outcomes),
         frames=sum(map(len, recordings)),
         lengths=tuple(sorted(each.steps for each in recordings)),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
-        actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
+        rows_led=_rows_led(recordings),
+        takeovers=Counter(one.why for info in infos for one in info.takeovers),
         repeated_layouts=len(simulated)
         - len({repr(info.layout) for info in simulated}),
         eval_layouts=sum(info.split == "eval" for info in infos),
@@ -240,6 +291,19 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
             video.left_out for info in infos for video in info.videos.values()
         ),
     )
+
+
+def _rows_led(recordings: Sequence[Recording]) -> dict[str, int]:
+    led = Counter[str]()
+    for each in recordings:
+        for place, actor in enumerate(each.info.actors):
+            led[_who(actor)] += int((each.leader == place).sum())
+    return dict(led)
+
+
+def _is_led_failure(info: EpisodeInfo) -> bool:
+    outcome = info.outcome
+    return info.is_led and outcome is not None and outcome.kept and not outcome.success
 
 
 def _rig(info: EpisodeInfo) -> str:

@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.core.errors import OptionError
 from duobench.core.types import Array
 
 if TYPE_CHECKING:
@@ -29,6 +31,8 @@ class Reason(StrEnum):
 
     IDLE = "idle"
     """No clutch was closed, no target moved, and nothing else did."""
+    UNCORRECTED = "uncorrected"
+    """A policy led them, or nobody took over soon after, and corrections are wanted."""
     TRIMMED = "trimmed"
     """They are outside what a review left of the recording."""
 
@@ -39,6 +43,19 @@ class RowChoice:
 
     keep_idle: bool = False
     """Export rows too in which an operator led nothing and nothing moved."""
+    only_corrections: bool = False
+    """Export only rows that a person led in the place of a policy; every stretch of them becomes an
+    episode of its own."""
+    from_takeover: int | None = None
+    """Export only rows from so many before the first take-over of a policy on; with
+    only-corrections, so many before each one are added."""
+
+    def __post_init__(self) -> None:
+        before = self.from_takeover
+        if before is not None and (not isinstance(before, int) or before < 0):
+            raise OptionError(
+                f"Rows before a take-over are a whole number from 0 on, got {before!r}."
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,34 +96,49 @@ class UsedRows:
         """All rows of a recording."""
         return UsedRows(spans=((0, length),) if length else ())
 
+    def stretches(self) -> tuple[UsedRows, ...]:
+        """Its rows in parts that follow each other without a gap, but for idle rows.
+
+        The first one says what is left out.
+        """
+        bounds = _numbers(self.spans + self.idle)
+        bounds.sort()
+        parts = []
+        for part in np.split(bounds, 1 + np.flatnonzero(np.diff(bounds) > 1)):
+            within = slice(part[0], part[-1] + 1) if len(part) else slice(0)
+            spans = tuple(span for span in self.spans if _is_in(span, within))
+            idle = tuple(span for span in self.idle if _is_in(span, within))
+            left_out = {} if parts else self.left_out
+            if spans:
+                parts.append(UsedRows(spans=spans, idle=idle, left_out=left_out))
+        return tuple(parts)
+
     def steps(self, every: int = 1) -> Steps:
         """Each so many of the rows that are used; they begin anew where rows are missing."""
-        numbers, idle = _numbers(self.spans), _numbers(self.idle)
-        solid = np.setdiff1d(
-            np.arange(
-                -1, max((end for _, end in self.spans + self.idle), default=0) + 1
-            ),
-            idle,
-        )  # rows that are not idle, with one on each side
-        place = np.searchsorted(solid, numbers)
-        ends, earlier = solid[place + 1], solid[place - 1]
+        numbers = _numbers(self.spans)
+        end = max((end for _, end in (*self.spans, *self.idle)), default=0)
+        # What is not idle, with a row on each side.
+        bounds = np.setdiff1d(np.arange(-1, end + 1), _numbers(self.idle))
+        place = np.searchsorted(bounds, numbers)
+        earlier = bounds[place - 1]
         follows = np.isin(earlier, numbers)
         starts = np.where(follows, numbers, earlier + 1)
-        heads = np.flatnonzero(~follows)
-        lengths = np.diff(np.append(heads, len(numbers)))
-        firsts = np.concatenate(
+        before = np.where(follows, earlier, numbers - 1)
+        heads = np.append(np.flatnonzero(~follows), len(numbers))
+        firsts = np.array(
             [
-                head + np.arange(0, length, every)
-                for head, length in zip(heads, lengths, strict=True)
-            ]
-            or [heads]
+                each
+                for head, last in pairwise(heads)
+                for each in range(head, last, every)
+            ],
+            np.int64,
         )
-        lasts = np.append(firsts[1:], len(numbers)) - 1
+        lasts = np.append(firsts, len(numbers))[1:] - 1
         return Steps(
             rows=numbers[firsts],
             starts=starts[firsts],
-            ends=ends[lasts],
-            before=np.where(follows, earlier, numbers - 1)[firsts],
+            ends=bounds[place + 1][lasts],
+            before=before[firsts],
         )
 
 
@@ -132,6 +164,10 @@ def used_rows(
         kept[slice(*within)] = True
         left_out[Reason.TRIMMED] = int((taken & ~kept).sum())
         taken &= kept
+    if choice.only_corrections or choice.from_takeover is not None:
+        corrected = _corrected(recording, choice)
+        left_out[Reason.UNCORRECTED] = int((taken & ~corrected).sum())
+        taken &= corrected
     idle = np.zeros_like(taken)
     if recording.info.has_clutch and not choice.keep_idle:
         from duobench.data.idle import idle_rows  # loads the engine
@@ -144,6 +180,20 @@ def used_rows(
         idle=_spans(idle),
         left_out={reason: count for reason, count in left_out.items() if count},
     )
+
+
+def _corrected(recording: Recording, choice: RowChoice) -> NDArray[np.bool_]:
+    """Rows (T,) that take-overs are about."""
+    before = choice.from_takeover or 0
+    wanted = np.zeros(len(recording), np.bool_)
+    for begin, end, _ in recording.corrections:
+        last = end if choice.only_corrections else None
+        wanted[max(0, begin - before) : last] = True
+    return wanted
+
+
+def _is_in(span: Span, within: slice) -> bool:
+    return within.start <= span[0] < within.stop
 
 
 def _numbers(spans: Sequence[Span]) -> NDArray[np.int64]:

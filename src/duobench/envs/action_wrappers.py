@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.core.errors import ActionError
-from duobench.core.spatial import SE3, length, product, rotation_by
+from duobench.core.spatial import SE3, length, product, rotation_by, rotation_vector
 from duobench.core.types import ARM_JOINTS, SIDE_SIZE, SIDES, Array, DuoCommand, Side
 from duobench.envs import spaces
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT_RELATIVE
@@ -124,6 +124,20 @@ class RelativeCartesianActions(ActionModeWrapper):
         self._targets = targets
         return result
 
+    def action_to(self, poses: Array) -> Array:
+        """The action (14,) that leads the tools to poses and openings, as of `CartesianActions`."""
+        rows = poses.reshape(len(SIDES), SIDE_SIZE)
+        starts = _starts(
+            self._kinematics, self.base.backend.last_command.joints, self._targets
+        )
+        numbers = []
+        for side, start in starts.items():
+            goal = SE3.from_tquat(rows[side.index, :ARM_JOINTS])
+            turn = rotation_vector(product(goal.rotation, start.rotation.T))
+            numbers += [goal.translation - start.translation, turn]
+            numbers.append(rows[side.index, ARM_JOINTS:])
+        return np.concatenate(numbers)
+
     def hold_action(self) -> Array:
         """The action (14,) that leaves the command as it is: openings alone are not zero."""
         openings = self.base.backend.last_command.openings
@@ -145,15 +159,27 @@ def displaced_poses(
         displacements: A relative Cartesian action (14,).
     """
     rows = displacements.reshape(len(SIDES), -1)
-    targets = {}
+    targets = {
+        side: _displaced(start, rows[side.index])
+        for side, start in _starts(kinematics, joints, before).items()
+    }
+    poses = [[*targets[side].tquat, rows[side.index, -1]] for side in SIDES]
+    return np.ravel(poses), targets
+
+
+def _starts(
+    kinematics: Kinematics,
+    joints: Array,
+    before: Mapping[Side, SE3],
+) -> dict[Side, SE3]:
+    """Poses that displacements start from: where the arms lag, what they are commanded to."""
+    starts = {}
     for side, commanded in kinematics.forward(joints).items():
         start = before.get(side, commanded)
         lag, angle = start.distance(commanded)
-        if not (lag <= MAX_TRACKING_LAG and angle <= MAX_TRACKING_LAG_ROTATION):
-            start = commanded
-        targets[side] = _displaced(start, rows[side.index])
-    poses = [[*targets[side].tquat, rows[side.index, -1]] for side in SIDES]
-    return np.ravel(poses), targets
+        is_near = lag <= MAX_TRACKING_LAG and angle <= MAX_TRACKING_LAG_ROTATION
+        starts[side] = start if is_near else commanded
+    return starts
 
 
 def _displaced(pose: SE3, displacement: Array) -> SE3:

@@ -217,6 +217,10 @@ class DuoEnv(gym.Env[Observation, Any]):
             info[TRUNCATION_REASON] = reason
         return self._observation(), 0.0, False, reason is not None, info
 
+    def observe(self) -> Observation:
+        """The observation of this moment, without a step."""
+        return self._observation()
+
     def _truncation_reason(self) -> str | None:
         """Reason why the arms hold and cannot continue; None if they can."""
         backend = self.backend
@@ -393,6 +397,10 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         """SHA-256 of the whole state of the running episode; equal states, equal hashes."""
         return self.save_state().hash
 
+    def observe(self) -> Observation:
+        """The observation of this moment, without a step."""
+        return self.env.get_wrapper_attr("observe")()
+
     def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state; see `SimEnv.restore_state`."""
         return self.env.get_wrapper_attr("restore_state")(state)
@@ -424,6 +432,10 @@ class ObservingWrapper(DuoWrapper, gym.ObservationWrapper):
                 f"{type(self).__name__} takes a Dict of observations, got {inner}."
             )
         self.observation_space = gym.spaces.Dict({**inner.spaces, **added})
+
+    def observe(self) -> Observation:
+        """The observation of this moment, with what the wrapper adds."""
+        return self.observation(super().observe())
 
     def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, and observe."""

@@ -310,6 +310,10 @@ class Sensing(DuoWrapper):
             self._ages[camera] = age + 1 if is_dropped and age < MAX_AGE else 0
         return self._sensed(observation), float(reward), terminated, truncated, info
 
+    def observe(self) -> Observation:
+        """The observation of this moment, with other noise than the one before."""
+        return self._sensed(super().observe())
+
     def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, with fresh frames and other noise than the first time.
 

@@ -23,19 +23,18 @@ from duobench.core.versions import (
     record_versions,
     source_hashes,
 )
-from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
+from duobench.data import EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
 from duobench.envs.config import FIXED, EnvConfig
 from duobench.envs.registration import make
 from duobench.evaluation.blame import Asking, before_policy
 from duobench.evaluation.clock import EpisodeClock, Stopwatch
-from duobench.evaluation.policies import PolicyChoice, PolicySource
+from duobench.evaluation.policies import PolicyChoice, PolicySource, actor_of
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollouts import Watcher, rollout
 from duobench.evaluation.video import Overview, Picture, VideoRecorder
 from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits
-from duobench.policy.registry import PolicyKind
 from duobench.policy.serving.codec import pack
 from duobench.results.journal import EpisodeTimes
 from duobench.results.records import NOT_REPEATABLE, FirstAnswer, Record
@@ -258,10 +257,7 @@ class EpisodeRunner:
             | source_hashes(sorted(modules), is_scripted=choice.kind.is_scripted),
             package=package_source(),
         )
-        kind = (
-            ActorKind.EXPERT if choice.kind is PolicyKind.EXPERT else ActorKind.POLICY
-        )
-        self._actor = Actor(kind=kind, name=choice.name, version=metadata.version)
+        self._actor = actor_of(choice, metadata)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
 
     def _versions(self, episode: Episode) -> dict[str, str | None]:

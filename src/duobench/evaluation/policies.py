@@ -15,6 +15,7 @@ from duobench.core.errors import (
     PolicyError,
     check_known,
 )
+from duobench.data import Actor, ActorKind
 from duobench.envs.sim_env import sim_of
 from duobench.policy import Batching, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.batch import ONE_BY_ONE
@@ -91,6 +92,21 @@ class PolicyChoice:
             )
 
 
+def parse_choice(name: str) -> PolicyChoice:
+    """The policy of a name as `PolicyChoice` takes it, or of `NAME@URL` where it is served."""
+    plain, is_served, url = name.partition("@")
+    if is_served and url.startswith(("ws://", "wss://")):
+        return PolicyChoice(name=plain, server=RemoteServer(url=url))
+    return PolicyChoice(name=name)
+
+
+def actor_of(choice: PolicyChoice, metadata: PolicyMetadata) -> Actor:
+    """The actor that recordings name for a policy."""
+    is_expert = choice.kind is PolicyKind.EXPERT
+    kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
+    return Actor(kind=kind, name=choice.name, version=metadata.version)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicySource:
     """A policy that may still have to be bound to an environment."""
@@ -151,7 +167,7 @@ def source(
     """Look a policy up.
 
     Args:
-        name: See `PolicyChoice`.
+        name: See `parse_choice`.
         tasks: Tasks that it will play; an expert's version is that of the scripts of these tasks.
         batching: How many observations a batch of a `BatchPolicy` has; None takes the default.
 
@@ -160,7 +176,8 @@ def source(
         PolicyError: If the module or its attribute is missing, or gives something else; if a task
             has no expert.
     """
-    return find_source(PolicyChoice(name=name, batching=batching), tasks, TimeLimits())
+    choice = replace(parse_choice(name), batching=batching)
+    return find_source(choice, tasks, TimeLimits())
 
 
 def find_source(

@@ -9,7 +9,14 @@ from duobench.core.spatial import SE3, product
 from duobench.core.types import SIDES, DuoCommand, DuoState, Side
 from duobench.envs.action_modes import CARTESIAN
 from duobench.teleop.intent import Intent
-from duobench.teleop.messages import Hand, Hands, Message, PageDevice, Recentre
+from duobench.teleop.messages import (
+    Hand,
+    Hands,
+    Message,
+    Operator,
+    PageDevice,
+    Recentre,
+)
 from duobench.teleop.shaping import Shaper
 from duobench.world.kinematics.inverse import Kinematics
 
@@ -80,6 +87,8 @@ class Clutch:
     def __init__(self) -> None:
         self._is_armed = False
         self._anchor: tuple[SE3, SE3] | None = None
+        self.was_lost = False
+        """Whether it opened by itself when it was closed last, and not by a release."""
 
     @property
     def is_closed(self) -> bool:
@@ -88,6 +97,7 @@ class Clutch:
 
     def open(self) -> None:
         """Let go; it takes a release and a new squeeze to close again."""
+        self.was_lost |= self.is_closed
         self._is_armed, self._anchor = False, None
 
     def notice(self, hand: Hand | None) -> None:
@@ -116,7 +126,7 @@ class Clutch:
             return None
         now = hand.world_from_hand
         if self._anchor is None:
-            self._anchor = now, tool
+            self._anchor, self.was_lost = (now, tool), False
         hand_then, tool_then = self._anchor
         shift = now.translation - hand_then.translation
         turn = product(now.rotation, hand_then.rotation.T)
@@ -128,11 +138,17 @@ class TriggeredGripper:
 
     When a trigger comes into view, it first says nothing: a held object must not fall because a
     controller was picked up with its trigger released. From its first movement on it is followed.
+
+    Args:
+        opening: Opening at first, 0 closed to 1 open.
+        meets: Whether a trigger is followed only from where it says what the opening is, or passes
+            that: so a gripper that another has led does not jump.
     """
 
-    def __init__(self, opening: float = 1.0) -> None:
+    def __init__(self, opening: float = 1.0, *, meets: bool = False) -> None:
         self.opening = opening
         """0 closed to 1 open."""
+        self._meets = meets
         self._seen: float | None = None
         self._is_followed = False
 
@@ -144,7 +160,11 @@ class TriggeredGripper:
         """Take over what the trigger says, once it was moved."""
         if self._seen is None:
             self._seen = trigger
-        self._is_followed = self._is_followed or abs(trigger - self._seen) > MEANT
+        is_moved = abs(trigger - self._seen) > MEANT
+        if self._meets:
+            low, high = sorted((self._seen, trigger))
+            is_moved = low - MEANT <= 1.0 - self.opening <= high + MEANT
+        self._is_followed = self._is_followed or is_moved
         if self._is_followed:
             self.opening = 1.0 - trigger
 
@@ -162,6 +182,12 @@ class LedArm:
         """A new episode waits, with the gripper at an opening."""
         self.clutch.open()
         self.gripper = TriggeredGripper(opening)
+        self._rest = None
+
+    def follow(self, opening: float) -> None:
+        """Something else leads the arm, and has its gripper at an opening."""
+        self.gripper = TriggeredGripper(opening, meets=True)
+        self.clutch.was_lost = False
         self._rest = None
 
     def lead(
@@ -221,6 +247,11 @@ class HandDevice:
         return left, right
 
     @property
+    def was_lost(self) -> bool:
+        """Whether a hand that led last was lost, and not opened."""
+        return any(arm.clutch.was_lost for arm in self._arms.values())
+
+    @property
     def dropped(self) -> int:
         """Samples that arrived too late."""
         return self._dropped + self._freshness.dropped
@@ -232,10 +263,25 @@ class HandDevice:
         self._has_seen_open, self._led = False, set()
         self.led_by, self.executed_ms = "", math.nan
 
+    def follow(self, command: DuoCommand) -> None:
+        """Something else leads: hands that take over begin where the arms are commanded to be."""
+        for side, arm in self._arms.items():
+            arm.follow(float(command.openings[side.index]))
+
+    def let_go(self) -> None:
+        """Both hands let go: it takes a release and a new squeeze to lead."""
+        for arm in self._arms.values():
+            arm.clutch.open()
+
     def take(self, message: Message, arrival_s: float) -> None:
-        """Take over a fresh sample; `recentre` lets both hands go."""
-        if isinstance(message, Recentre):
-            self._let_go()
+        """Take over a fresh sample; `recentre` lets both hands go.
+
+        Devices of another operator have not led yet.
+        """
+        if isinstance(message, Operator):
+            self._led = set()
+        elif isinstance(message, Recentre):
+            self.let_go()
         elif isinstance(message, Hands) and (
             self._lockstep or self._freshness.accepts(message.sent, arrival_s)
         ):
@@ -244,7 +290,7 @@ class HandDevice:
                 hand is not None and hand.buttons.recentre for hand in hands
             )
             if is_moving or self.is_lost(arrival_s):
-                self._let_go()
+                self.let_go()
             self._hands, self.sampled_s = message, arrival_s
             for side, hand in self._now(arrival_s).items():
                 self._arms[side].clutch.notice(hand)
@@ -258,9 +304,9 @@ class HandDevice:
         self._hands = self.sampled_s = None
         self.executed_ms = math.nan
         self._acting.clear()
-        self._let_go()
         for arm in self._arms.values():
             arm.gripper.lose()
+        self.let_go()
 
     def is_lost(self, now_s: float, for_s: float = MAX_AGE_S) -> bool:
         """Whether nothing fresh was heard for `MAX_AGE_S`, or another time."""
@@ -271,6 +317,12 @@ class HandDevice:
     def is_away(self, now_s: float) -> bool:
         """Whether the operator has gone, or nothing fresh was heard of one for `AWAY_S`."""
         return self.is_lost(now_s, AWAY_S)
+
+    def is_squeezed_anew(self, now_s: float) -> bool:
+        """Whether a hand that was open since both let go is squeezed."""
+        hands = self._now(now_s)
+        left, right = (self._arms[side].clutch.wants(hands[side]) for side in SIDES)
+        return left or right
 
     def prompt(self, now_s: float) -> str | None:
         """Return what to do before the episode begins: open both hands, then squeeze one."""
@@ -320,10 +372,6 @@ class HandDevice:
             limited=cast("tuple[bool, bool]", tuple(limited)),
             leads=any(self.clutch),
         )
-
-    def _let_go(self) -> None:
-        for arm in self._arms.values():
-            arm.clutch.open()
 
     def _now(self, now_s: float) -> dict[Side, Hand | None]:
         if self._hands is None or self.is_lost(now_s):

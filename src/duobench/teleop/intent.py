@@ -40,6 +40,16 @@ class TeleopDevice(Protocol):
     def begin(self, command: DuoCommand) -> None:
         """A new episode waits for the operator, with the arms where they are commanded to be."""
 
+    def follow(self, command: DuoCommand) -> None:
+        """Something else leads the arms, which are commanded to be there: it can be taken over.
+
+        Raises:
+            LeaderError: The operator cannot let go of the device, so nothing else can lead.
+        """
+
+    def let_go(self) -> None:
+        """Let the operator let go, before they lead again."""
+
     def take(self, message: Message, arrival_s: float) -> None:
         """A message of the operator has arrived; the device may have no use for it."""
 
@@ -54,6 +64,10 @@ class TeleopDevice(Protocol):
         """Return what to do before the episode begins; None once it has begun."""
         ...
 
+    def is_squeezed_anew(self, now_s: float) -> bool:
+        """Whether a hand that let go after a hold would lead again."""
+        ...
+
     def intend(
         self,
         now_s: float,
@@ -61,6 +75,11 @@ class TeleopDevice(Protocol):
         command: DuoCommand,
     ) -> Intent:
         """The next action, from where the arms are and where they were commanded to be last."""
+        ...
+
+    @property
+    def was_lost(self) -> bool:
+        """Whether hands that led last were lost, and not opened."""
         ...
 
     @property

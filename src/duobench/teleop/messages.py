@@ -4,13 +4,14 @@ import math
 import threading
 from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Annotated, Literal
 
 import msgspec
 
 from duobench.core.errors import escaped
 from duobench.core.spatial import SE3, length
-from duobench.web.messages import PageMessage
+from duobench.web.messages import PageMessage, SelectItem
 
 FARTHEST = 100.0
 """Largest coordinate of a hand in metres; only differences of poses matter."""
@@ -18,6 +19,8 @@ NORM_TOLERANCE = 1e-3
 """Tolerance of the length of a quaternion."""
 LONGEST_INSTRUCTION = 300
 """Characters of an instruction that an operator types."""
+LONGEST_NAME = 60
+"""Characters of an operator's pseudonym."""
 LONGEST_QUEUE = 1024
 """Messages that may wait; beyond, the oldest are forgotten."""
 
@@ -97,12 +100,30 @@ class Restore(PageMessage, frozen=True):
     """Keep the episode that was discarded last after all."""
 
 
+class Hold(PageMessage, frozen=True):
+    """Both hands let go and both arms stand still; any visitor of the page may say so."""
+
+
+class GoOn(PageMessage, frozen=True):
+    """The operator goes on after a hold in the simulation; arms of a rig go home instead."""
+
+
 class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
 
 class Alone(PageMessage, frozen=True):
-    """Let the world run though nobody leads, or no longer."""
+    """Let the world run though nobody leads, or no longer; a policy pauses, or goes on."""
+
+
+class Why(PageMessage, frozen=True):
+    """Reason why the last take-over of a policy began; empty for the next usual one."""
+
+    text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)] = ""
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        _check_line("a reason", self.text)
 
 
 class Instruction(PageMessage, frozen=True):
@@ -112,12 +133,41 @@ class Instruction(PageMessage, frozen=True):
     """One line that can be printed."""
 
     def __post_init__(self) -> None:
-        if self.text != escaped(self.text) or len(self.text.splitlines()) > 1:
-            raise ValueError("an instruction is one line that can be printed")
+        _check_line("an instruction", self.text)
 
 
-Message = Hands | Keep | Discard | Restore | Recentre | Alone | Instruction
+def _check_line(what: str, text: str) -> None:
+    if text != escaped(text) or len(text.splitlines()) > 1:
+        raise ValueError(f"{what} is one line that can be printed")
+
+
+class Operator(PageMessage, frozen=True):
+    """Pseudonym of the operator who leads from now on; empty for none."""
+
+    name: Annotated[str, msgspec.Meta(max_length=LONGEST_NAME)]
+    """One line that can be printed."""
+
+    def __post_init__(self) -> None:
+        _check_line("a pseudonym", self.name)
+
+
+Message = (
+    Hands
+    | Keep
+    | Discard
+    | Restore
+    | Hold
+    | GoOn
+    | Recentre
+    | Alone
+    | Why
+    | Instruction
+    | Operator
+    | SelectItem
+)
 """Everything that an operator may send."""
+ANYONE = (Hold,)
+"""Messages that visitors who watch may send too."""
 
 
 class Inbox:
@@ -140,10 +190,11 @@ class Inbox:
 
     def forget(self, *kinds: type) -> None:
         """Remove waiting messages of some kinds; they are ignored."""
-        for _ in range(len(self._waiting)):
-            message, now_s = self._waiting.popleft()
-            if not isinstance(message, kinds):
-                self._waiting.append((message, now_s))
+        with suppress(IndexError):  # another thread takes messages out too
+            for _ in range(len(self._waiting)):
+                message, now_s = self._waiting.popleft()
+                if not isinstance(message, kinds):
+                    self._waiting.append((message, now_s))
 
     def __iter__(self) -> Iterator[tuple[Message | None, float]]:
         """Take messages out, the oldest first; those that are not asked for wait on."""

@@ -9,7 +9,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array, DuoState
+from duobench.core.types import CONTROL_HZ, Array, DuoState
+from duobench.envs.spaces import opening_slots
 from duobench.teleop.intent import Intent
 
 LONGEST_REST_S = 3.0
@@ -77,19 +78,19 @@ class Pace:
         self._openings = Movement(np.full(4, OPENING_MOVED))
         self._after_led = self._quiet = 0
 
-    def runs(self, intent: Intent, state: DuoState) -> bool:
+    def runs(self, intent: Intent, state: DuoState, *, ends: bool = False) -> bool:
         """Whether the world runs in this turn, in which the operator wants something.
 
-        Fingers that move are led, whatever the clutches do.
+        Fingers that move are led, whatever the clutches do. What `ends` by itself needs no leading.
         """
-        asked = intent.action[list(OPENING_SLOTS)]
+        asked = intent.action[opening_slots(len(intent.action))]
         grips = self._openings.sees(np.concatenate([asked, state.openings]))
         if intent.leads or grips:
             self.phase = Phase.LED
             self._after_led = self._quiet = 0
         elif self.is_alone:
             self.phase = Phase.ALONE
-        elif self._is_over:
+        elif self._is_over and not ends:
             self.phase = Phase.STANDING
         else:
             self.phase = Phase.RESTING

@@ -32,7 +32,7 @@ class SessionEpisodes:
         self._data = data
         self._task = env.task
         self._lock = ExitStack()
-        self._folder = data.discarded.episode(env.task, "0").parent
+        self._folder = self.folder(data, env.task)
         self._lock.enter_context(locked(self._folder))
         begun = [each.episode + 1 for each in of_task(data, env.task)]
         self.next_number = max(data.next_number(env.task), 0, *begun)
@@ -42,6 +42,11 @@ class SessionEpisodes:
         self.asked: dict[Path, str] = {}
         """Restored ones, about which is asked again, and how they ended, the first one first; files
         stay where they are until they are kept."""
+
+    @staticmethod
+    def folder(data: DataSet, task: str) -> Path:
+        """Folder of a task's discarded episodes, which the session that records it has locked."""
+        return data.discarded.episode(task, "0").parent
 
     def note(self, attempt: Attempt) -> None:
         """Write down the state of an attempt."""

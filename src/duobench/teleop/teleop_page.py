@@ -6,7 +6,7 @@ Thirty turns a second, or one for each message; a turn is a control step while t
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 import mujoco
@@ -14,7 +14,8 @@ import numpy as np
 
 from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.envs.sim_env import SimEnv
-from duobench.teleop.messages import Message
+from duobench.teleop.messages import ANYONE, Message
+from duobench.teleop.plan import PlannedSessions
 from duobench.teleop.plumb import PlumbLines
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.geometry import Geometry
@@ -111,27 +112,51 @@ class TeleopPage:
     Args:
         session: The session.
         server: The page, which takes its messages here from now on.
+        plan: Gives the sessions that follow.
     """
 
-    def __init__(self, session: Teleoperation, server: PageServer) -> None:
-        self._session, self._server = session, server
-        self._env = cast("SimEnv", session.env.base)
+    kinds: Any = Message
+    """Classes of the messages that the page takes."""
+
+    def __init__(
+        self,
+        session: Teleoperation,
+        server: PageServer,
+        plan: PlannedSessions | None = None,
+    ) -> None:
+        self._server, self._plan = server, plan
         self._timings = Timings()
         self._over = threading.Event()
         self._episode: Any = None
+        self._planned: Any = None
         self._told: dict[str, Any] = {}
         self._turn = 0
-        server.listen(Message, self._take, self._leave, WATCHING)
+        self._use(session)
+        server.listen(self.kinds, self._take, self._leave, WATCHING, ANYONE)
         self.show()
 
+    def _use(self, session: Teleoperation) -> None:
+        self._session = session
+        self._env = cast("SimEnv", session.env.base)
+        session.before_reset = self.show
+
     def run(self) -> Timings:
-        """Run the session until it is over or `stop` is called; how long its steps took."""
-        return run(
-            self._session,
-            self.show,
-            is_stopped=self._over.is_set,
-            timings=self._timings,
-        )
+        """Run until all sessions are over or `stop` is called; how long their steps took."""
+        while True:
+            run(
+                self._session,
+                self.show,
+                is_stopped=self._over.is_set,
+                timings=self._timings,
+            )
+            following = None
+            if self._plan is not None and not self._over.is_set():
+                following = self._plan.next()
+            if following is None:
+                return self._timings
+            self._use(following)
+            following.leave(time.monotonic())  # hands lead again once they were open
+            self.show()
 
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
@@ -146,10 +171,10 @@ class TeleopPage:
     def show(self) -> None:
         """Show where everything is, after a turn of the loop."""
         status = self._session.status()
-        if self._episode != status["count"]:
-            self._episode = status[
-                "count"
-            ]  # the scene depends on what its layout chose
+        episode = (status["task"], status["count"])
+        is_preparing = self._session.state is TeleopState.PREPARING
+        if self._episode != episode and not is_preparing:
+            self._episode = episode  # the scene depends on what its layout chose
             self._geometry = self._new_geometry()
             self._lines = self._new_lines()
             self._server.publish_scene(self._geometry.name, self._geometry.data)
@@ -177,8 +202,19 @@ class TeleopPage:
     def _data(self) -> mujoco.MjData:
         return self._env.simulation.data
 
+    def _show_plan(self, status: Mapping[str, Any]) -> None:
+        """List the tasks and their progress, again where that may have changed."""
+        moment = (*self._episode, status["state"])
+        if self._plan is not None and moment != self._planned:
+            self._planned = moment
+            self._server.publish_items(self._plan.items())
+
     def _tell(self, status: dict[str, Any]) -> None:
         self._turn += 1
+        if self._plan is not None:
+            self._show_plan(status)
+            status["operators"] = self._plan.operators
+            status["selected"] = self._session.chosen or status["task"]
         quiet = {name: value for name, value in status.items() if name not in _QUIET}
         if quiet == self._told and self._turn % _TURNS:
             return

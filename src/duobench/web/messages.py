@@ -11,7 +11,7 @@ import math
 import re
 import struct
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -49,6 +49,12 @@ class Drive(PageMessage, frozen=True):
 
 class TakeOver(PageMessage, frozen=True):
     """Visitor's request to drive in the place of the present driver."""
+
+
+class SelectItem(PageMessage, frozen=True, tag="select"):
+    """Choose an item of those that the page lists."""
+
+    id: Annotated[str, msgspec.Meta(max_length=300)]
 
 
 def reader(kinds: Any) -> Callable[[str | bytes], Any]:

@@ -233,6 +233,31 @@ def test_held_for_needs_every_step_of_the_time_in_an_episode(bench: Bench) -> No
     assert bench.play(progress, "a", "a", "a") == [0, 0, 1]
 
 
+def counting(bench: Bench, progress: Progress, *steps: str) -> str:
+    """Whether a clock that is awaited has counted in each step, as letters."""
+    found = ""
+    for step in steps:
+        before = progress.get_state()
+        bench.play(progress, step)
+        found += "+" if progress.counts_since(before) else "-"
+    return found
+
+
+def test_a_clock_counts_until_nothing_is_awaited_of_it(bench: Bench) -> None:
+    a, b, c = map(bench.fact, "abc")
+    progress = bench.begin(held_for(a, 0.1), held_for(b, 0.1, reset=c))
+    assert counting(bench, progress, *("", "a", "a", "", "a", "a", "a", "a")) == "-++-++--"
+    assert counting(bench, progress, *("b", "", "b", "c", "b", "b")) == "+-+-++"
+    both = bench.begin(held_for(a, 0.1), held_for(a, 0.2))
+    assert counting(bench, both, *["a"] * 8) == "+++++---", "the longer time is awaited still"
+
+
+def test_what_may_soon_be_lost_counts(bench: Bench) -> None:
+    progress = two_stages(bench)
+    bench.play(progress, "ax")
+    assert counting(bench, progress, *[""] * (LONG_LOST + 2)) == "+" * (LONG_LOST - 1) + "---"
+
+
 # --- what is lost ---------------------------------------------------------------------------------
 
 

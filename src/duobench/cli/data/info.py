@@ -51,13 +51,16 @@ def run(
     overall = (summary.episodes, summary.successes, summary.frames)
     rows.add_row("All tasks", *map(str, overall), style="bold")
     rows.caption = (
-        "Frames: all control steps, 30 a second. Median, 99 %: steps until success."
+        "Frames: all control steps, 30 a second. Median, 99 %: steps until success, or until "
+        "the end without it."
     )
     say(rows)
     say(_smoothness(summary))
     say(f"Episodes: {summary.domains}")
     if summary.left_out:
         say(f"Frames missing in videos, left out by a late encoder: {summary.left_out}")
+    if summary.leading:
+        say(_leading(summary))
     for line in _actors(summary):
         say(line)
     for task, words in summary.differences.items():
@@ -83,12 +86,44 @@ def _actors(summary: Summary) -> Iterator[str]:
             yield f"{task.task}: {task.attempted}"
         if task.led is not None:
             yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
-        idle = task.unused.get(Reason.IDLE, 0)
-        if idle:
-            yield (
-                f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
-                "which exports leave out"
-            )
+        if task.corrected:
+            yield f"{task.task}: {task.corrected}"
+        yield from _unused(task)
+
+
+def _leading(summary: Summary) -> Table:
+    """Table of what operators have led, by task and device."""
+    columns = numeric("Takes", "Successes", "Mean stage", "Led s a\nsuccess")
+    rows = table(whole("Task"), "Operator", "Device", *columns)
+    for led in summary.leading:
+        seconds = "–" if led.led_s is None else f"{led.led_s:.1f}"
+        numbers = (f"{led.takes}", f"{led.successes}", f"{led.stage:.1f}", seconds)
+        rows.add_row(led.task, led.operator, led.device, *numbers)
+    rows.caption = (
+        "Takes: all that were begun, discarded ones too. Led: median, until success."
+    )
+    return rows
+
+
+def _unused(task: TaskSummary) -> Iterator[str]:
+    """Episodes and rows that are not used."""
+    parts = {
+        "not to be used": task.discarded,
+        "without success though kept, which exports leave out": task.failures_led,
+        "looked at again": task.reviewed,
+    }
+    words = [f"{count} {what}" for what, count in parts.items() if count]
+    if words:
+        yield f"{task.task}: {'; '.join(words)}"
+    trimmed = task.unused.get(Reason.TRIMMED, 0)
+    if trimmed:
+        yield f"{task.task}: {trimmed} of {task.frames} rows were trimmed away"
+    idle = task.unused.get(Reason.IDLE, 0)
+    if idle:
+        yield (
+            f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
+            "which exports leave out"
+        )
 
 
 def _smoothness(summary: Summary) -> Table:

@@ -11,7 +11,7 @@ from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.folders import open_data
 from duobench.cli.shared.process import raising
 from duobench.cli.shared.progress import display
-from duobench.core.errors import SeveralTasksError
+from duobench.core.errors import NoSuccessesError, SeveralTasksError
 from duobench.core.files import taken_back
 from duobench.data.lerobot.options import (
     EpisodeChoice,
@@ -24,6 +24,7 @@ from duobench.data.used_rows import Reason
 _EPISODES, _IMAGES, _FORM = EpisodeChoice(), ExportImages(), ExportForm()
 _ADVICE: Advice = {
     SeveralTasksError: "With --per-task one command does that.",
+    NoSuccessesError: "With --keep-failures they are exported.",
     **FOREIGN,
 }
 
@@ -83,16 +84,28 @@ def run(
         f"{counted(done.episodes, 'episode')}, {counted(done.frames, 'frame')}, "
         f"{megabytes:.1f} MB in {out}",
     )
-    if done.left_out:
+    if done.failures:
         say(
-            f"Left out: {counted(done.left_out, 'episode')}, discarded, not wanted or there twice."
+            f"Left out: {counted(done.failures, 'episode')} that people led without success; "
+            "--keep-failures exports them too."
         )
+    others = done.left_out - done.failures
+    if others:
+        say(
+            f"Left out: {counted(others, 'episode')}, discarded, not wanted or there twice."
+        )
+    trimmed = done.rows_left_out.get(Reason.TRIMMED, 0)
+    if trimmed:
+        say(f"Left out: {counted(trimmed, 'row')} that were trimmed at a second look.")
     idle = done.rows_left_out.get(Reason.IDLE, 0)
     if idle:
         say(
             f"Left out: {counted(idle, 'row')} in which nobody led and nothing moved; "
             "--keep-idle keeps them."
         )
+    uncorrected = done.rows_left_out.get(Reason.UNCORRECTED, 0)
+    if uncorrected:
+        say(f"Left out: {counted(uncorrected, 'row')} that no take-over is about.")
     if done.eval_layouts:
         of_eval = counted(done.eval_layouts, "episode")
         say(f"{of_eval} with layouts that policies are evaluated on: train on others.")

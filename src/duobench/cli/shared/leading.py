@@ -13,9 +13,13 @@ from duobench.cli.shared.console import say
 from duobench.cli.shared.process import stopping
 
 if TYPE_CHECKING:
+    import gymnasium as gym
+
     from duobench.data import Actor
+    from duobench.evaluation.policies import PolicySource
     from duobench.teleop.intent import TeleopDevice
     from duobench.teleop.leaders.device import JointSource
+    from duobench.teleop.policy_leader import PolicyLeader
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.web.server import PageServer
 
@@ -29,6 +33,9 @@ class LeadingOptions:
     leader: str | None = None
     """Leader arms in place of the page's hands: gello:FILE, a configuration of two GELLO arms, or
     lerobot:KIND, a teleoperator of LeRobot with our 16 numbers."""
+    policy: str | None = None
+    """Policy that plays, as duobench eval takes it, or NAME@ws://ADDRESS for one that is served: a
+    squeeze takes over, and its release gives back."""
     instruction: str = ""
     """Instruction that the operator follows; the task's own if not given. Both are
     recorded."""
@@ -61,6 +68,31 @@ class LeadingOptions:
     def asked(self) -> dict[str, Any]:
         """Settings of a session."""
         return {"instruction": self.instruction, "lockstep": self.lockstep}
+
+    def find_policy(
+        self, find: Callable[[str], PolicySource], ending: ExitStack
+    ) -> PolicySource | None:
+        """The policy that plays, if one does, which `ending` lets go of."""
+        if self.policy is None:
+            return None
+        source = find(self.policy)
+        ending.callback(source.close)
+        return source
+
+    def play(self, source: PolicySource | None, env: gym.Env) -> PolicyLeader | None:
+        """The policy as it leads in an environment."""
+        if source is None or self.policy is None:
+            return None
+        from duobench.evaluation.policies import actor_of, parse_choice
+        from duobench.teleop.policy_leader import PolicyLeader
+
+        choice = parse_choice(self.policy)
+        return PolicyLeader(
+            env,
+            source.bind(env),
+            actor_of(choice, source.metadata),
+            waits=self.lockstep or choice.kind.is_scripted,
+        )
 
 
 def _joint_source(leader: str) -> JointSource:

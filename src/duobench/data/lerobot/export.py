@@ -16,6 +16,7 @@ from duobench.core.backend import DEPTH, RGB, CameraGeometry
 from duobench.core.codecs import HEVC12
 from duobench.core.errors import (
     DataError,
+    NoSuccessesError,
     OtherRunError,
     SeveralTasksError,
     check_known,
@@ -67,7 +68,7 @@ from duobench.data.lerobot.metadata import Counts, count_values, finish, no_coun
 from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.rewards import rewards_of
-from duobench.data.schema import Domain
+from duobench.data.schema import Domain, EpisodeInfo
 from duobench.data.used_rows import Reason, Steps, used_rows
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.envs.camera_options import name_of
@@ -90,6 +91,8 @@ class Exported:
     """Number of rows of all of them."""
     left_out: int
     """Episodes of the data set that are not in it."""
+    failures: int = 0
+    """Of these, kept ones that a person led without success, which the options leave out."""
     rows_left_out: dict[Reason, int] = field(default_factory=dict)
     """Rows of its episodes that are not in it, for each reason."""
     residual: Residual | None
@@ -113,7 +116,8 @@ def export_lerobot(
     videos. The column `domain` says which row is from where.
 
     What is written does not depend on the number of workers or on interruptions. Episodes that were
-    discarded when they were recorded are left out, and what is there twice is exported once.
+    discarded, when they were recorded or at a second look, are left out, as are rows that were
+    trimmed; what is there twice is exported once.
 
     Args:
         data: The data set, or several.
@@ -128,6 +132,7 @@ def export_lerobot(
 
     Raises:
         DataError: There is nothing to export, or a recording cannot be read or shown.
+        NoSuccessesError: There are only failures of people, which the options leave out.
         SeveralTasksError: Tasks whose object states differ are to be in one data set.
         OtherRunError: The folder holds something else.
         OutputError: Nothing can be written into the folder.
@@ -167,7 +172,8 @@ def export_lerobot(
     return Exported(
         episodes=episodes,
         frames=sum(export.frames for export in plans.values()),
-        left_out=len(paths) - episodes,
+        left_out=len(paths) - sum(export.recordings for export in plans.values()),
+        failures=sum(export.failures for export in plans.values()),
         rows_left_out=dict(
             sum((Counter(plan.left_out) for plan in plans.values()), Counter())
         ),
@@ -205,42 +211,52 @@ def _plan(
     episodes = []
     tasks = set()
     digests = set[str]()
+    failures = 0
+    logs = [source.reviews for source in sources]
     for number, path in paths:
         recording, digest = _read(path, options), digest_of(path)
-        if _is_wanted(recording, options) and digest not in digests:
+        judgement = logs[number].of(path)
+        info = judgement.judged(recording.info)
+        is_wanted = _is_wanted(info, options) and len(recording) > 0
+        if is_wanted and _is_unwanted_failure(info, options):
+            failures += 1
+        elif is_wanted and digest not in digests:
             digests.add(digest)
             _check(recording, options, path)
-            task = sources[number].reference(recording.info)
-            rows = used_rows(recording, options, task)
-            if not rows.spans:
-                continue
-            tasks.add(task)
-            episodes.append(
-                SourceEpisode(
-                    file=path.relative_to(sources[number].path).as_posix(),
-                    sha256=digest,
-                    length=len(rows.steps(options.every)),
-                    rows=rows,
-                    instruction=recording.info.instruction,
-                    data_set=number,
-                    domain=recording.info.domain,
-                    split=recording.info.split,
-                    look=_own_look(recording, path, options),
+            task = sources[number].reference(info)
+            used = used_rows(recording, options, task, within=judgement.rows)
+            for rows in used.stretches():
+                tasks.add(task)
+                episodes.append(
+                    SourceEpisode(
+                        file=path.relative_to(sources[number].path).as_posix(),
+                        sha256=digest,
+                        length=len(rows.steps(options.every)),
+                        rows=rows,
+                        instruction=recording.info.instruction,
+                        data_set=number,
+                        domain=recording.info.domain,
+                        split=recording.info.split,
+                        look=_own_look(recording, path, options),
+                    )
                 )
-            )
     if not episodes:
         where = ", ".join(dict.fromkeys(path.parent.name for _, path in paths))
         names = " and ".join(str(source.path) for source in sources)
         holds = "holds" if len(sources) == 1 else "hold"
-        raise DataError(
-            f"{names} {holds} no episode to export, of {len(paths)} that were read"
-            f"{f' ({where})' if where else ''}."
-        )
+        told = f"{names} {holds} no episode to export, of {len(paths)} that were read"
+        told = f"{told} ({where})." if where else f"{told}."
+        if failures:
+            raise NoSuccessesError(
+                f"{told} Of these, {failures} that people led did not succeed."
+            )
+        raise DataError(told)
     return Export(
         options=options,
         suite_version=SUITE_VERSION,
         versions=package_versions(),
         episodes=tuple(episodes),
+        failures=failures,
         object_state_names=_object_state_names(tasks) if options.object_state else (),
         cameras=describe_cameras(),
     )
@@ -300,14 +316,19 @@ def _export_all(
             progress(done, total)
 
 
-def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
-    """Whether an episode is exported: it is finished, was kept, and has actions."""
-    outcome = recording.info.outcome
+def _is_wanted(info: EpisodeInfo, options: ExportOptions) -> bool:
+    """Whether an episode is exported: it is finished, was kept, and is none that options forbid."""
+    outcome = info.outcome
     if outcome is None or (options.only_successes and not outcome.success):
         return False
-    return (
-        outcome.kept and len(recording) > 0 and recording.info.domain in options.domains
-    )
+    return outcome.kept and info.domain in options.domains
+
+
+def _is_unwanted_failure(info: EpisodeInfo, options: ExportOptions) -> bool:
+    """Whether a person led an episode without success, and none such is asked for."""
+    outcome = info.outcome
+    is_failure = outcome is not None and not outcome.success
+    return is_failure and info.is_led and not options.keep_failures
 
 
 def _check(

@@ -21,6 +21,7 @@ from duobench.core.lerobot_keys import (
     DOMAINS,
     IMAGE_PREFIX,
     OBJECT_STATE,
+    RECORDING,
     RECORDING_ROW,
     STATE,
 )
@@ -79,6 +80,11 @@ class SourceEpisode:
     look: str | None = None
     """Its look, where each rendered episode has its own; else that of the options."""
 
+    @property
+    def origin(self) -> dict[str, str]:
+        """Columns of the table of episodes that say which recording it is."""
+        return {RECORDING: self.file, f"{RECORDING}_sha256": self.sha256}
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Export:
@@ -90,6 +96,8 @@ class Export:
     """Versions of the packages that the images depend on."""
     episodes: tuple[SourceEpisode, ...]
     """Episodes in the order of the export."""
+    failures: int = 0
+    """Kept episodes that people led without success, which are left out."""
     object_state_names: tuple[str, ...] = ()
     """Names of the numbers of the object state; none where it is not exported."""
     cameras: dict[str, Any] = field(default_factory=dict)
@@ -121,6 +129,11 @@ class Export:
     def frames(self) -> int:
         """Rows of all episodes together."""
         return self.first_row(len(self.episodes))
+
+    @property
+    def recordings(self) -> int:
+        """Recordings of which rows are exported."""
+        return len({(episode.data_set, episode.file) for episode in self.episodes})
 
     @property
     def left_out(self) -> dict[Reason, int]:

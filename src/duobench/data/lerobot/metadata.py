@@ -127,6 +127,7 @@ def _episode(
         "episode_index": index,
         "tasks": [source.instruction],
         "length": source.length,
+        **source.origin,
         "data/chunk_index": chunk,
         "data/file_index": file,
         "dataset_from_index": first,

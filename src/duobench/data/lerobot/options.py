@@ -140,10 +140,19 @@ class EpisodeChoice(RowChoice):
     """Ids of the tasks to export; if empty, all tasks of the data set."""
     only_successes: bool = False
     """Leave out episodes that did not succeed."""
+    keep_failures: bool = False
+    """Export kept episodes without success too where a person led, and not only where nobody
+    did."""
     domains: tuple[Domain, ...] = tuple(Domain)
     """Export episodes from there: the simulation, real arms, or both."""
 
     def __post_init__(self) -> None:
+        RowChoice.__post_init__(self)
+        if self.only_successes and self.keep_failures:
+            raise DataError(
+                "Failures are left out by one option and exported by the other; give one of "
+                "only_successes and keep_failures."
+            )
         _set(
             self,
             "tasks",

@@ -57,7 +57,8 @@ def transitions(
     """Demonstrations of a task as an environment with the same options would have given them.
 
     Actions are what the arms were sent, which is what led to the next observation: with all that
-    an actor added to what it wanted. Discarded episodes are left out.
+    an actor added to what it wanted. Discarded episodes are left out, and rows that were trimmed
+    at a second look.
 
     Args:
         data: The data set.
@@ -79,17 +80,24 @@ def transitions(
     check_known("reward", reward, REWARDS)
     check_known("action mode", action_mode, ACTION_MODES)
     source: ImageSource | None = None
+    reviews = data.reviews
     for path in data.episodes_of([task]):
         whole = Recording.read(path)
-        if whole.info.outcome is None or not whole.info.outcome.kept:
+        judgement = reviews.of(path)
+        outcome = judgement.judged(whole.info).outcome
+        if outcome is None or not outcome.kept:
             continue
         reference = data.reference(whole.info)
         if source is None and (object_state or reward == DENSE):
             source = ImageSource(reference, cameras=())
         played = whole.until(whole.steps)
-        steps = used_rows(played, choice or RowChoice(), reference).steps()
-        if len(steps):
-            yield _transitions(played, steps, reward, action_mode, source, object_state)
+        used = used_rows(
+            played, choice or RowChoice(), reference, within=judgement.rows
+        )
+        for stretch in used.stretches():
+            yield _transitions(
+                played, stretch.steps(), reward, action_mode, source, object_state
+            )
 
 
 def _transitions(

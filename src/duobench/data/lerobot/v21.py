@@ -43,7 +43,12 @@ def files(
     They follow from the statistics of all rows, and from those of each episode.
     """
     rows = [
-        {"episode_index": index, "tasks": [source.instruction], "length": source.length}
+        {
+            "episode_index": index,
+            "tasks": [source.instruction],
+            "length": source.length,
+            **source.origin,
+        }
         for index, source in enumerate(export.episodes)
     ]
     stats = [

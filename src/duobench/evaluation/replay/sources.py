@@ -1,15 +1,20 @@
 """Sources of the viewer: a task, recorded episodes, and episodes of a run, finished or not."""
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
-from duobench.data import DataSet, ImageSource, Recording
+from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, SIDES, DuoCommand
+from duobench.core.video import jpeg
+from duobench.data import DataSet, EpisodeInfo, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
+from duobench.data.images import RecordedImages, resized
 from duobench.data.reviews import name_of
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
@@ -33,8 +38,15 @@ from duobench.web.server import PageServer
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import View
+from duobench.world.sim.simulation import Simulation
 
 LAYOUTS = 20
+IMAGE_SIZE = (270, 480)
+"""Height and width of what cameras of a rig saw, in pixels."""
+REAL_ARMS = (
+    "Real arms as they were measured, with open grippers; objects stand where the layout asked for "
+    "them. What really was there the cameras show."
+)
 FAILURES = 5
 """Failures that are listed, the latest first."""
 _LATEST = 20
@@ -101,6 +113,7 @@ class DataSource:
         self._data, self._look, self._tasks = data, as_look(look), tasks
         self.title = data.path.name
         self._source: Latest[ImageSource] = Latest()
+        self._films: Latest[RecordedImages] = Latest()
         self._scenes = SceneCache(view)
         self._reviews = data.reviews
         self._recorded: dict[str, Recorded] = {}
@@ -118,9 +131,11 @@ class DataSource:
         return {}
 
     def review(self, item: str, **said: Any) -> None:
-        """Write down what somebody says about a take; see `Reviews.add`."""
-        self._reviews.add(self._recorded[item].path, **said)
-        self._list()
+        """Write down what somebody says about a take, unless that is so; see `Reviews.add`."""
+        path = self._recorded[item].path
+        if not self._reviews.of(path).says(**said):
+            self._reviews.add(path, **said)
+            self._list()
 
     def _files(self) -> list[Path]:
         return self._data.episodes_of(self._tasks)
@@ -141,25 +156,48 @@ class DataSource:
         recording = Recording.read(self._recorded[item].path)
         info = recording.info
         task = catalog.get(self._data.reference(info))
-        if info.is_real:
-            raise EvaluationError(
-                "It was played on real arms, whose objects were not measured: there is no state of "
-                "a simulation to show."
-            )
         source = self._source.get(
             info.task, lambda: ImageSource(task, cameras=(), look=self._look)
         )
-        source.show(recording, 0)  # with the variants of its layout
+        show = source.show
+        note = ""
+        if info.is_real:
+            show = _picture_of(source.simulation, task, info)
+            note = REAL_ARMS
+        show(recording, 0)  # with the variants of its layout
         recorder = TrajectoryRecorder(self._scenes, self._look)
         recorder.begin(source.simulation, task, info.instruction, info.subinstructions)
         for row in range(len(recording) + 1):
-            source.show(recording, row)
+            show(recording, row)
             recorder.add(row, int(recording.stage[row]))
-        return recorder.trajectory()
+        corrections = recording.corrections
+        if corrections:
+            note = f"{note} {_in_words(corrections)}".strip()
+        return replace(recorder.trajectory(note), corrections=corrections)
+
+    def images(self, item: str, row: int) -> dict[str, bytes]:
+        """What the cameras of a rig saw in a row, as JPEG by camera; nothing of simulated takes.
+
+        Raises:
+            DataError: A video cannot be read.
+        """
+        recorded = self._recorded[item]
+        path = recorded.path
+        cameras = list(recorded.info.videos)
+        if not cameras:
+            return {}
+        films = self._films.get(
+            path,
+            lambda: RecordedImages(
+                Recording.read(path), path, cameras, IMAGE_SIZE, lambda *_: resized
+            ),
+        )
+        return {name: jpeg(image) for name, image in films.images(row).items()}
 
     def close(self) -> None:
-        """Close the simulation."""
+        """Close the simulation and the videos."""
         self._source.close()
+        self._films.close()
 
 
 class RunSource:
@@ -421,6 +459,35 @@ def open_view(
     if not source.items:
         raise EvaluationError(f"{what} has no finished episode to view.")
     return source
+
+
+def _picture_of(
+    simulation: Simulation, task: Task, info: EpisodeInfo
+) -> Callable[[Recording, int], None]:
+    """Return what shows real arms where they were measured, with grippers open.
+
+    Objects stand where the layout asked for them.
+    """
+    if info.seed is not None and info.split is not None:
+        simulation.apply(next(task.layouts(info.seed, info.split)))
+
+    def show(recording: Recording, row: int) -> None:
+        joints = np.delete(recording.agent_pos[row], OPENING_SLOTS)
+        command = DuoCommand(joints=joints.reshape(len(SIDES), -1), openings=np.ones(2))
+        simulation.duo.set_configuration(command)
+        simulation.forward()
+
+    return show
+
+
+def _in_words(corrections: Sequence[tuple[int, int, str]]) -> str:
+    """Corrections as a sentence."""
+    parts = [
+        f"{begin / CONTROL_HZ:.1f} to {end / CONTROL_HZ:.1f} s"
+        + (f" ({why})" if why else "")
+        for begin, end, why in corrections
+    ]
+    return f"Taken over from the policy: {', '.join(parts)}."
 
 
 def _recorded(name: str, take: Take) -> Item:

@@ -1,5 +1,6 @@
 """Takes: recordings as a person looks at them again, with what was said about them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,8 +9,9 @@ from duobench.data import EpisodeInfo, Recording
 from duobench.data.reviews import Reviews
 from duobench.results.attempts import FAILURE, SUCCESS
 
-CUT, UNUSED = "cut", "not to be used"
+CUT, TRIMMED = "cut", "success trimmed away"
 """Ends of a recording in words, beside success and failure."""
+UNUSED = "not to be used"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -18,15 +20,18 @@ class Take:
 
     task: str
     operator: str
-    """Who acted: a person's pseudonym, the name of a policy, or the kind of actor."""
+    """Those who acted: pseudonyms of people, names of policies, or the kind of actor."""
     device: str
     led_s: float
     """Seconds in which a hand led an arm; all of it where nothing says who led."""
     stage: int
     max_stage: int
     end: str
-    """How it ended: success, failure or cut."""
+    """How it ended: success, failure, cut, or a success whose row is not among those that are
+    used."""
     kept: bool
+    exported: bool
+    """Whether exports take it by default: a person's without success they leave out."""
     reason: str = ""
     """Why it is not kept."""
     note: str = ""
@@ -49,14 +54,18 @@ class Recorded:
 
     path: Path
     info: EpisodeInfo
+    length: int
+    """Number of its actions."""
     led_s: float
 
     @staticmethod
     def read(path: Path) -> "Recorded":
         """Read a file; a `DataError` if it cannot be read."""
-        info = Recording.read_info(path)
         return Recorded(
-            path=path, info=info, led_s=Recording.read_led(path) / CONTROL_HZ
+            path=path,
+            info=Recording.read_info(path),
+            length=Recording.read_length(path),
+            led_s=Recording.read_led(path) / CONTROL_HZ,
         )
 
     def take(self, reviews: Reviews) -> Take:
@@ -69,18 +78,28 @@ class Recorded:
             end = CUT
         elif outcome.success:
             end = SUCCESS
+        elif self.info.outcome is not None and self.info.outcome.success:
+            end = TRIMMED
         return Take(
             task=info.task,
-            operator=info.actor.name or str(info.actor.kind),
-            device=info.actor.device or "",
+            operator=_words(actor.name or str(actor.kind) for actor in info.actors),
+            device=_words(actor.device or "" for actor in info.actors),
             led_s=round(self.led_s, 1),
             stage=0 if outcome is None else outcome.stage,
             max_stage=0 if outcome is None else outcome.max_stage,
             end=end,
             kept=outcome is not None and outcome.kept,
+            exported=outcome is not None
+            and outcome.kept
+            and (outcome.success or not info.is_led),
             reason="" if outcome is None else outcome.reason or "",
             note=judgement.note,
-            rows=judgement.rows,
+            rows=None if judgement.rows == (0, self.length) else judgement.rows,
             by=judgement.by,
             at=judgement.at,
         )
+
+
+def _words(words: Iterable[str]) -> str:
+    """Words that are there, each once."""
+    return ", ".join(dict.fromkeys(filter(None, words)))

@@ -34,6 +34,8 @@ class Trajectory:
     track: bytes = field(repr=False)
     """Poses of the moving bodies, after 0, 1, ... control steps; see `web.track`."""
     note: str = ""
+    corrections: tuple[tuple[int, int, str], ...] = ()
+    """Stretches that a person led in the place of a policy; see `Recording.corrections`."""
 
     def poses(self) -> NDArray[np.float32]:
         """Poses (steps + 1, bodies, 7), in metres and w x y z."""

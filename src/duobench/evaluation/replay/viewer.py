@@ -18,7 +18,7 @@ from duobench.core.types import CONTROL_HZ
 from duobench.data.reviews import MAX_TEXT
 from duobench.evaluation.replay.sources import DataSource, ViewSource
 from duobench.evaluation.replay.trajectory import Trajectory
-from duobench.web.messages import PageMessage, pack_frame
+from duobench.web.messages import PageMessage, SelectItem, pack_frame
 from duobench.web.server import PageServer
 
 MAX_TRAJECTORIES = 64
@@ -29,17 +29,13 @@ _MAX_LATE_S = 1.0
 """Seconds of a pause, such as without a visitor, after which it continues where it was."""
 _REFRESH_S = 1.0
 """Seconds between looks for messages."""
+_IMAGES_S = 0.2
+"""Seconds between images of a rig's cameras."""
 _IDLE_S = 0.1
 """Seconds between looks for a ready episode or a new visitor."""
 
 
 _Step = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
-
-
-class SelectItem(PageMessage, frozen=True, tag="select"):
-    """Show an item, from its beginning."""
-
-    id: Annotated[str, msgspec.Meta(max_length=300)]
 
 
 class SeekStep(PageMessage, frozen=True, tag="seek"):
@@ -102,6 +98,10 @@ class Viewer:
         self._plays = False
         self._note = ""
         self._due = 0.0
+        self._next_images = 0.0
+        self._images: list[dict[str, Any]] = []
+        self._images_of: tuple[str, int] | None = None
+        self._number = 0
         self._over = threading.Event()
         server.listen(Command, self._on_message)
         self._refresh()
@@ -115,6 +115,7 @@ class Viewer:
                     self._refresh()
                 self._begin_loaded()
                 self._advance()
+                self._show_images()
             self._refresh(is_last=True)
         finally:
             self._loader.submit(self._source.close)
@@ -256,6 +257,42 @@ class Viewer:
             frame = pack_frame(self._poses[self._step], self._step, time.monotonic())
             self._server.publish_frame(frame)
 
+    def _show_images(self) -> None:
+        """Show what cameras of a rig saw at this step, a few times a second."""
+        now = time.monotonic()
+        is_due = now >= self._next_images and self._server.has_viewers
+        if (
+            not isinstance(self._source, DataSource)
+            or self._shown is None
+            or not is_due
+        ):
+            return
+        self._next_images = now + _IMAGES_S
+        place = (self._selected, self._step)
+        if self._images_of != place:
+            self._images_of = place
+            before = self._images
+            try:
+                found = self._source.images(*place)
+            except DuoBenchError as error:
+                found, self._note = {}, str(error)
+            self._images = [self._about(*each) for each in found.items()]
+            if not (before or self._images):
+                return
+        elif not self._images:
+            return
+        self._server.publish_cameras(self._images)
+
+    def _about(self, camera: str, image: bytes) -> dict[str, Any]:
+        self._number += 1
+        return {
+            "name": camera,
+            "title": f"{camera.replace('_', ' ').capitalize()} camera",
+            "image": self._server.publish_image(f"camera-{camera}", image),
+            "number": self._number,
+            "stale_s": None,
+        }
+
     @property
     def _stage(self) -> int:
         return 0 if self._shown is None else self._shown.stage_after(self._step)
@@ -276,6 +313,7 @@ class Viewer:
                 "max_stage": len(shown.stages),
                 "stages": shown.stages,
                 "stage_changes": shown.stage_changes,
+                "corrections": shown.corrections,
                 "step": self._step,
                 "steps": self._last,
                 "state": ("playing" if self._plays else "paused")

@@ -18,14 +18,18 @@ from duobench.envs.duo_env import (
     Start,
     base_of,
 )
-from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
+from duobench.evaluation.policies import (
+    PolicyChoice,
+    PolicySource,
+    find_source,
+    parse_choice,
+)
 from duobench.evaluation.rollouts import Step, Watcher, rollout
+from duobench.policy.interruptible import InterruptiblePolicy
 from duobench.policy.registry import PolicyKind
-from duobench.policy.serving.address import RemoteServer
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import FAULT_KIND, WAITS, RealEnv
-from duobench.real.sessions.interruptible import InterruptiblePolicy
 from duobench.results.labels import FaultKind, StageLabels
 from duobench.results.records import REAL
 from duobench.results.run import TimeLimits
@@ -50,10 +54,8 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
         name: Its name, as `PolicyChoice` takes it; `NAME@URL` for one that is served.
         tasks: What it is to do, as far as that is known.
     """
-    plain, is_served, url = name.partition("@")
-    if is_served and url.startswith(("ws://", "wss://")):
-        choice = PolicyChoice(name=plain, server=RemoteServer(url=url))
-    else:
+    choice = parse_choice(name)
+    if choice.server is None:
         choice = PolicyChoice(name=as_real(name))
     if choice.kind.is_scripted:
         raise PolicyError(
@@ -130,6 +132,8 @@ class PlayedEpisode:
     """Number of times that the arms rested for a late image."""
     ended_by_success: bool = False
     """Whether the press of the last stage ended it."""
+    has_begun: bool = True
+    """Whether a command of the policy found arms that could follow it, or the policy failed."""
 
     @property
     def invalid(self) -> str:
@@ -176,7 +180,7 @@ class PolicyRunner:
     ) -> PlayedEpisode:
         """Play an episode, with options of the reset, the layout among them."""
         self.env.options = options
-        ending = _LastStep()
+        ending, before = _LastStep(), self._duo.followed
         error = failure = None
         try:
             rollout(
@@ -190,10 +194,6 @@ class PolicyRunner:
         except DuoBenchError as caught:
             failure = caught
         kind, stopped = ending.info.get(FAULT_KIND), ending.info.get(TRUNCATION_REASON)
-        if (
-            failure is not None and (fault := self._duo.fault) is not None
-        ):  # on the way home
-            kind, stopped = fault.kind, failure
         return PlayedEpisode(
             steps=ending.number,
             stopped=str(stopped or ""),
@@ -202,6 +202,7 @@ class PolicyRunner:
             failure=failure,
             waits=int(ending.info.get(WAITS, 0)),
             ended_by_success=ending.terminated,
+            has_begun=error is not None or self._duo.followed > before,
         )
 
     def keep(self, labels: StageLabels, *, holds: bool) -> None:

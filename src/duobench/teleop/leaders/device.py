@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from duobench.core.errors import LeaderError
 from duobench.core.types import (
     CONTROL_HZ,
     OPENING_SLOTS,
@@ -75,6 +76,8 @@ class LeaderDevice:
         self._fade = 0
         self._is_following = self._is_leading = False
         self._movement = Movement(_NOISE)
+        self.was_lost = False
+        """Never: leaders are not let go of."""
         self.dropped = 0
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
@@ -95,6 +98,17 @@ class LeaderDevice:
         self._armed = None
         self._is_following = self._is_leading = False
 
+    def follow(self, command: DuoCommand) -> None:  # noqa: ARG002
+        """Reject that something else leads: leaders lead as long as they answer."""
+        raise LeaderError(
+            "Leader arms cannot be let go of, so that a policy never gets to lead; correct it with "
+            "the hands of a page."
+        )
+
+    def let_go(self) -> None:
+        """Leaders lead as long as they answer; what is between them and the arms fades again."""
+        self._is_following = False
+
     def take(self, message: Message, arrival_s: float) -> None:
         """Hands on a page move nothing while leader arms lead."""
 
@@ -103,6 +117,10 @@ class LeaderDevice:
 
     def is_away(self, now_s: float) -> bool:  # noqa: ARG002
         """Never: where leaders do not answer, the robot stays where it is."""
+        return False
+
+    def is_squeezed_anew(self, now_s: float) -> bool:  # noqa: ARG002
+        """Never: leader arms have no clutch to let go of."""
         return False
 
     def prompt(self, now_s: float) -> str | None:

@@ -83,7 +83,10 @@ export class Timeline {
     this.isPlaying = false;
   }
 
-  /** What is played: number of steps, steps a second, pairs of step and stage, and last stage. */
+  /**
+   * What is played: number of steps, steps a second, pairs of step and stage, last stage, and
+   * stretches [from, to, why] that a person led in the place of a policy.
+   */
   set content(content) {
     this.#content = content;
     const end = Math.max(1, content.steps - 1);
@@ -93,7 +96,13 @@ export class Timeline {
       mark.style.setProperty("--at", String(Math.min(1, step / end)));
       return mark;
     });
-    this.#marks.replaceChildren(...marks);
+    const bars = (content.spans ?? []).map(([from, to]) => {
+      const bar = make("b", {});
+      bar.style.setProperty("--at", String(from / end));
+      bar.style.setProperty("--to", String(to / end));
+      return bar;
+    });
+    this.#marks.replaceChildren(...bars, ...marks);
   }
 
   set isPlaying(isPlaying) {

@@ -16,16 +16,18 @@ const SHOWN = {
   "all takes": () => true,
   kept: ({ kept }) => kept,
   "not to be used": ({ kept }) => !kept,
-  "kept without success": ({ kept, end }) => kept && end !== "success",
+  "kept, not exported": ({ kept, exported }) => kept && !exported,
   "looked at again": ({ at }) => at !== "",
 };
+const UNSOLVED = "Exports leave people's takes without success out, unless asked for them.";
 const RATE_HZ = 30;
 const NAME = "reviewer"; // where the browser remembers who looks
 
 /** Whether a take is used, in words. */
-function use({ kept, rows }) {
+function use({ kept, exported, rows }) {
   if (!kept) return "not to be used";
-  return rows ? "kept, trimmed" : "kept";
+  const words = ["kept", rows && "trimmed", !exported && "not exported"];
+  return words.filter(Boolean).join(", ");
 }
 
 function seconds(row) {
@@ -33,7 +35,7 @@ function seconds(row) {
 }
 
 function button(text, key, act) {
-  const children = key ? [text, make("kbd", {}, key)] : [text];
+  const children = key ? [`${text} `, make("kbd", {}, key)] : [text];
   const made = make("button", { type: "button" }, ...children);
   made.addEventListener("click", act);
   return made;
@@ -143,7 +145,8 @@ export class Takes {
     facts.textContent = `${use(take)} · ${stage} · ${by} · led for ${take.led_s.toFixed(1)} s`;
     const when = take.at.replace("T", " ").slice(0, 16);
     const who = take.at ? `Said last: ${take.by || "somebody"}, ${when} UTC.` : "";
-    reason.textContent = [take.kept ? "" : take.reason, who].filter(Boolean).join(" ");
+    const why = take.kept ? (take.exported ? "" : UNSOLVED) : take.reason;
+    reason.textContent = [why, who].filter(Boolean).join(" ");
     keep.setAttribute("aria-pressed", take.kept);
     discard.setAttribute("aria-pressed", !take.kept);
     undo.disabled = take.at === "";
@@ -221,10 +224,10 @@ export class Takes {
     const takes = this.#shown.map(({ take }) => take);
     const kept = takes.filter(({ kept: isKept }) => isKept);
     const led = kept.reduce((sum, { led_s: own }) => sum + own, 0) / 60;
-    const solved = kept.filter(({ end }) => end === "success").length;
+    const exported = kept.filter(({ exported: isExported }) => isExported).length;
     count.textContent =
       `${takes.length} of ${this.#items.length} takes · ${kept.length} kept, ` +
-      `${solved} of them successes · ${led.toFixed(1)} minutes led`;
+      `${exported} of them exported · ${led.toFixed(1)} minutes led`;
     const sorts = { 1: "ascending", "-1": "descending" };
     heads.forEach((head) => {
       const isSorted = head.textContent === column;
@@ -255,7 +258,7 @@ export class Takes {
     const parts = [by, `${led} s`, `stage ${stage}`, take.end, take.note];
     const more = make("span", { class: "more" }, parts.filter(Boolean).join(" · "));
     const cells = [take.operator, take.device, led, stage, take.end, use(take), take.note];
-    const row = make("tr", { "data-use": take.kept ? "kept" : "unused" });
+    const row = make("tr", { "data-use": take.exported ? "used" : "unused" });
     row.append(make("th", { scope: "row" }, choose, more), ...cells.map((text) => make("td", {}, text)));
     return row;
   }

@@ -1,16 +1,15 @@
-"""A policy whose answers are waited for until a person gives it up."""
+"""A policy that is asked in a thread of its own: an answer may be waited for, or given up."""
 
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, InvalidStateError, wait
 from contextlib import suppress
 from functools import partial
 from typing import Any
 
 from duobench.core.errors import PolicyTimeoutError
-from duobench.evaluation.rollouts import Observation
-from duobench.policy import Policy
+from duobench.policy.policy import Policy
 
 PATIENCE_S = 5.0
 """Seconds without an answer after which a person is told that the policy is waited for [choice]."""
@@ -43,9 +42,17 @@ class InterruptiblePolicy:
         """Begin an episode."""
         self._ask(lambda: self._policy.reset(instruction, seed))
 
-    def act(self, observation: Observation) -> Any:
+    def act(self, observation: Mapping[str, Any]) -> Any:
         """The next actions (H, n)."""
         return self._ask(lambda: self._policy.act(observation))
+
+    def begin_reset(self, instruction: str, seed: int) -> Future[Any]:
+        """Begin an episode without waiting for the policy; what is asked next comes after it."""
+        return self._begin(lambda: self._policy.reset(instruction, seed))
+
+    def begin_act(self, observation: Mapping[str, Any]) -> Future[Any]:
+        """Ask for the next actions (H, n), and do not wait for them."""
+        return self._begin(lambda: self._policy.act(observation))
 
     def give_up(self) -> bool:
         """Let the call that is waited for fail, from any thread; False if none is."""
@@ -59,9 +66,13 @@ class InterruptiblePolicy:
         """Ask nothing more, so that the thread ends once the policy has answered."""
         self._calls.put(None)
 
-    def _ask(self, call: Callable[[], Any]) -> Any:
+    def _begin(self, call: Callable[[], Any]) -> Future[Any]:
         self._answer = answer = Future[Any]()
         self._calls.put((answer, call))
+        return answer
+
+    def _ask(self, call: Callable[[], Any]) -> Any:
+        answer = self._begin(call)
         while not wait((answer,), PATIENCE_S).done:
             self.on_wait()
         return answer.result()

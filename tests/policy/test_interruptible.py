@@ -7,7 +7,7 @@ import pytest
 
 from duobench.core.errors import PolicyTimeoutError
 from duobench.policy import PolicyMetadata
-from duobench.real.sessions.interruptible import GIVEN_UP, InterruptiblePolicy
+from duobench.policy.interruptible import GIVEN_UP, InterruptiblePolicy
 from tests.web.pages import wait_until
 
 

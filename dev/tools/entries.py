@@ -1,0 +1,133 @@
+"""Scripts that begin in the middle of an episode, from what they see of the simulator's state.
+
+An expert begins where an episode does. A person who takes over from a policy finds hands anywhere,
+closed around something or around nothing. An entry puts that right, and goes on with the parts of
+the expert's script that are still to be done.
+"""
+
+from collections.abc import Callable, Mapping
+
+from duobench.core.spatial import SE3, length
+from duobench.core.types import SIDES, Side
+from duobench.tasks.experts.expert import find_script
+from duobench.tasks.experts.handling import place
+from duobench.tasks.experts.handover import (
+    clasp,
+    let_go,
+    pick_bar,
+    present,
+    receive_pose,
+    tool,
+)
+from duobench.tasks.experts.motion import (
+    CAREFUL,
+    NEAR,
+    Arms,
+    Script,
+    grip,
+    move,
+    release,
+    together,
+    wait,
+)
+from duobench.tasks.experts.scripts import (
+    carry_pot as pot_script,
+    transfer_cube as cube_script,
+)
+from duobench.world.objects.pot import HEIGHT
+from duobench.world.robot.joints import HOME_JOINTS
+
+Entry = Callable[[Arms], Script]
+
+BACK = 0.10
+"""Way in metres that a hand goes back along its own axis before it goes anywhere else."""
+BESIDE = 0.15
+"""Distance in metres from an object within which a hand is in its way."""
+IN_BOWL = 0.07
+"""Distance in metres from the bowl's middle within which a block lies in it."""
+ASLANT = (0.0, -0.6, -1.0)
+"""Direction of the receiver's hand above the bowl and where it waits, as the expert has it."""
+READY = tool((0.50, 0.22, 0.38), along=ASLANT, camera=(0.0, 1.0, 0.0))
+DROP_HEIGHT = 0.075
+"""Height in metres from which it lets the block fall."""
+RAISED = 0.03
+"""Height in metres above the table from which on a pot is in the air."""
+
+
+def clear(arms: Arms, *sides: Side) -> Script:
+    """Open hands, and bring them back to where an episode begins; both where none is given."""
+    sides = sides or SIDES
+    yield from release(arms, *sides)
+    back = {side: arms.targets[side] @ SE3.at(z=-BACK) for side in sides}
+    yield from move(arms, back, speed=CAREFUL, arrive=False)
+    homes = arms.kinematics.forward(HOME_JOINTS)
+    yield from move(arms, {side: homes[side] for side in sides}, tolerance=NEAR)
+
+
+def anew(task: str) -> Entry:
+    """An entry for any task whose objects still lie as its expert can take them."""
+    script = find_script(task)
+
+    def enter(arms: Arms) -> Script:
+        yield from clear(arms)
+        yield from script(arms)
+
+    return enter
+
+
+def carry_pot(arms: Arms) -> Script:
+    """Carry the pot on if both hands hold it; put right what they do otherwise."""
+    if _pot_is_on_plate(arms):
+        yield from pot_script.let_go(arms)
+        return
+    is_held = all(arms.grasps(side, f"pot/{side}_handle") for side in SIDES)
+    if not is_held:
+        yield from clear(arms)
+    if not is_held or arms.sim.position("pot")[2] < HEIGHT / 2 + RAISED:
+        yield from pot_script.lift(arms)
+    x, y, _ = arms.sim.position("stove")
+    yield from pot_script.carry_over(arms, x, y)
+    yield from pot_script.land(arms)
+    yield from pot_script.let_go(arms)
+
+
+def _pot_is_on_plate(arms: Arms) -> bool:
+    x, y, _ = arms.sim.position("pot") - arms.sim.position("stove")
+    is_near = max(abs(x), abs(y)) < IN_BOWL
+    return is_near and arms.sim.contacts.between("pot", "stove")
+
+
+def transfer_cube(arms: Arms) -> Script:
+    """Hand the block on from whichever hand holds it, and put it into the bowl."""
+    bar = cube_script.BAR
+    giver, receiver = bar.giver, bar.giver.other
+    away = arms.sim.position(bar.body) - arms.sim.position("bowl")
+    holds = {side: arms.grasps(side, bar.body) for side in SIDES}
+    if length(away[:2]) < IN_BOWL and not any(holds.values()):
+        yield from clear(arms, receiver)
+        return
+    if not holds[receiver]:
+        yield from clear(arms, *(side for side in SIDES if not holds[side]))
+        ready = {receiver: READY}
+        yield from together(pick_bar(arms, bar), move(arms, ready, arrive=False))
+        meeting = present(bar, cube_script.MEETING_POINT, cube_script.RISE)
+        yield from move(arms, {giver: meeting}, tolerance=NEAR)
+        end = receive_pose(arms, bar, cube_script.RECEIVER_GRIP, cube_script.SLANT)
+        yield from clasp(arms, receiver, end)
+    elif holds[giver]:
+        yield from grip(arms, receiver)
+        yield from wait(6)
+    if length(arms.tcp_pose(giver).translation - arms.sim.position(bar.body)) < BESIDE:
+        yield from let_go(arms, giver)
+    x, y, _ = arms.sim.position("bowl")
+    goal = tool((x, y, DROP_HEIGHT), along=ASLANT, camera=(0.0, 1.0, 0.0))
+    yield from place(arms, receiver, goal, above=0.10, retreat=0.10)
+
+
+ENTRIES: Mapping[str, Entry] = {"carry_pot": carry_pot, "transfer_cube": transfer_cube}
+"""Entries by the ids of their tasks; the others begin anew, see `entry`."""
+
+
+def entry(task: str) -> Entry:
+    """The entry of a task."""
+    return ENTRIES.get(task) or anew(task)
