@@ -44,10 +44,13 @@ GAIN = 3.0
 """Speed by what is left to go, in 1/s."""
 NEAR, NEAR_TURN = 0.002, 0.015
 COARSE = 0.006
-FOLLOWED = 2
-"""Messages from one look to the next."""
-SETTLED = 8
-MOST_LOOKS = 400
+REACHED = 0.001
+"""Metres or radians at which the sticks are let go."""
+LOOK_MS = 20
+"""Milliseconds from one look at what the sticks did to the next."""
+SETTLED = 12
+MOST_LOOKS = 2000
+MOST_TRIES = 12
 A, B = 0, 1
 BUMPERS = {Side.LEFT: 4, Side.RIGHT: 5}
 TRIGGERS = {Side.LEFT: 6, Side.RIGHT: 7}
@@ -99,73 +102,102 @@ class GamepadOperator:
     def lead(self, side: Side, goal: SE3, near: float = NEAR) -> None:
         """Bring one tool to a pose with both sticks: turn it with A held, then move it."""
 
-        def turn() -> list[float]:
+        def turn() -> dict[Side, Array]:
             left = rotation_vector(product(goal.rotation, self.tool(side).rotation.T))
-            return [] if length(left) < NEAR_TURN else self._turning(left)
+            return {side: left} if length(left) > NEAR_TURN else {}
 
-        def move() -> list[float]:
+        def move() -> dict[Side, Array]:
             left = goal.translation - self.tool(side).translation
-            return [] if length(left) < near else self._moving(left)
+            return {side: left} if length(left) > near else {}
 
         self.choose(side)
-        self._push_until(turn, A)
-        self._push_until(move)
+        self._push_until(turn, self._turning, A, turns=True)
+        self._push_until(move, self._moving)
 
     def lead_both(self, goals: Mapping[Side, SE3], near: float = NEAR) -> None:
         """Bring both tools to places, each by its stick: along the table, then up or down."""
 
-        def shifts() -> list[Array]:
-            return [goals[side].translation - self.tool(side).translation for side in SIDES]
+        def left(parts: Array) -> dict[Side, Array]:
+            shifts = {
+                side: parts * (goals[side].translation - self.tool(side).translation)
+                for side in SIDES
+            }
+            return shifts if max(map(length, shifts.values())) > near else {}
 
-        def slide() -> list[float]:
-            left = shifts()
-            if max(length(shift[:2]) for shift in left) < near:
-                return []
-            return [value for shift in left for value in self._moving(shift)[:2]]
+        def slide(shifts: dict[Side, Array]) -> list[float]:
+            return [value for side in SIDES for value in self._moving({side: shifts[side]})[:2]]
 
-        def lift() -> list[float]:
-            rises = [shift[2] for shift in shifts()]
-            if max(abs(rise) for rise in rises) < near:
-                return []
-            left, right = (stick(-GAIN * rise, SPEED) for rise in rises)
-            return [0.0, left, 0.0, right]
+        def lift(shifts: dict[Side, Array]) -> list[float]:
+            ups = [self._moving({side: shifts[side]})[3] for side in SIDES]
+            return [0.0, ups[0], 0.0, ups[1]]
 
         self.choose(*SIDES)
-        self._push_until(slide)
-        self._push_until(lift, A)
+        self._push_until(lambda: left(np.array([1.0, 1.0, 0.0])), slide)
+        self._push_until(lambda: left(np.array([0.0, 0.0, 1.0])), lift, A)
 
     def carry(self, left: Callable[[], Array], near: float = NEAR) -> None:
         """Move both tools as one thing, with B held, until nothing is left to go."""
 
-        def move() -> list[float]:
+        def shifts() -> dict[Side, Array]:
             shift = left()
-            return [] if length(shift) < near else self._moving(shift)
+            return dict.fromkeys(SIDES, shift) if length(shift) > near else {}
 
         self.choose(*SIDES)
-        self._push_until(move, B)
+        self._push_until(shifts, self._moving, B)
 
-    def _push_until(self, push: Callable[[], list[float]], button: int | None = None) -> None:
-        """Push the sticks, with a button held, as long as `push` gives axes."""
-        if button is not None:
-            self._push(button, 1)
-        for _ in range(MOST_LOOKS):
-            axes = push()
-            self._tilt(axes or [0.0] * 4)
-            self._led.follow(FOLLOWED if axes else SETTLED)
-            if not axes and not push():
-                break
-        else:
-            raise AssertionError(f"The sticks do not bring {self.tool(Side.LEFT)} there.")
-        self._tilt([0.0] * 4)
-        if button is not None:
-            self._push(button, 0)
-        self._led.follow()
+    def _push_until(
+        self,
+        left: Callable[[], dict[Side, Array]],
+        axes: Callable[[dict[Side, Array]], list[float]],
+        button: int | None = None,
+        *,
+        turns: bool = False,
+    ) -> None:
+        """Push the sticks until nothing is left to go for the tools, with a button held.
 
-    def _moving(self, shift: Array) -> list[float]:
+        What the sticks did so far is seen in what the page sent; the arms follow later.
+        """
+        for _ in range(MOST_TRIES):
+            wanted = left()
+            if not wanted:
+                return
+            if button is not None:
+                self._push(button, 1)
+            start = self._hands()
+            for _ in range(MOST_LOOKS):
+                self._led.page.wait_for_timeout(LOOK_MS)
+                to_go = {
+                    side: self._to_go(side, start[side], shift, turns=turns)
+                    for side, shift in wanted.items()
+                }
+                if max(map(length, to_go.values())) < REACHED:
+                    break
+                self._tilt(axes(to_go))
+            self._tilt([0.0] * 4)
+            if button is not None:
+                self._push(button, 0)
+            self._led.follow(SETTLED)
+        raise AssertionError(f"The sticks do not bring {wanted} there.")
+
+    def _hands(self) -> dict[Side, SE3]:
+        sample = self._led.samples[-1]
+        poses = {side: sample[str(side)]["pose"] for side in SIDES}
+        return {side: SE3.from_wxyz(pose[3:], pose[:3]) for side, pose in poses.items()}
+
+    def _to_go(self, side: Side, start: SE3, wanted: Array, *, turns: bool) -> Array:
+        now = self._hands()[side]
+        if not turns:
+            return wanted - (now.translation - start.translation)
+        done = product(now.rotation, start.rotation.T)
+        return rotation_vector(product(SE3.about(wanted, length(wanted)).rotation, done.T))
+
+    def _moving(self, shifts: dict[Side, Array]) -> list[float]:
+        shift = next(iter(shifts.values()))
         across, away = (float(shift[:2] @ axis) for axis in (self._across, self._away))
         return [stick(GAIN * value, SPEED) for value in (across, -away, 0.0, -float(shift[2]))]
 
-    def _turning(self, left: Array) -> list[float]:
+    def _turning(self, turns: dict[Side, Array]) -> list[float]:
+        (left,) = turns.values()
         speeds = [GAIN * float(left @ axis) for axis in (self._up, self._right, self._forward)]
         return [*(stick(value, TURN) for value in speeds), 0.0]
 

@@ -331,6 +331,7 @@ LEAST_LETTERS = 18
 """Pixels of letters that are read on the board: half a degree high where the head is."""
 
 
+@pytest.mark.slow
 def test_every_note_of_every_task_is_on_the_board(page: Operated) -> None:
     notes = [*sentences(), " ".join([LONG_WORD] * 4)]
     assert "Lead a tool to begin." in notes

@@ -169,6 +169,7 @@ function wrapped(pen, line) {
 
 /** A word in parts that fit into a row. */
 function broken(word, fits) {
+  if (fits(word)) return [word];
   const parts = [""];
   for (const letter of word) {
     if (fits(parts.at(-1) + letter)) parts[parts.length - 1] += letter;
