@@ -38,7 +38,9 @@ from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import (
     Alone,
     Discard,
+    GoOn,
     Hands,
+    Hold,
     Inbox,
     Instruction,
     Keep,
@@ -47,6 +49,7 @@ from duobench.teleop.messages import (
     Restore,
 )
 from duobench.teleop.pace import Pace
+from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
 from duobench.teleop.plan import TaskProgress
 from duobench.teleop.policy_leader import Leading, PolicyLeader
 from duobench.teleop.session_episodes import SessionEpisodes
@@ -61,6 +64,9 @@ WARNED_S = 10.0
 """Seconds before that end in which it is said."""
 ARM_REST = 0.02
 """Joint speed in rad/s below which an arm is at rest."""
+STILL = 0.2
+"""Share of the speeds at the end of a reset, 5 mm/s and 0.1 rad/s, below which objects are: a door
+that falls shut slowly is not; what rests on the table or in a hand moves by a thirtieth of them."""
 TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 """Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
 from where its hand wants it, and when a hand lets go, or is lost."""
@@ -73,11 +79,27 @@ DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
 AWAY = "No operator drives: the recording waits until one does."
 ENDING = "{:.0f} s are left of the {:.0f} s that this episode may be led."
+HOLDING = "Space bar and this button: both hands let go, and everything stands still."
+HELD = "Held: nothing moves. Let go and squeeze again, or press Go on."
+TITLES = {
+    "making_ready": "Getting ready",
+    "preparing": "The next layout is prepared",
+    "waiting": "Waiting for the first move",
+    "recording": "Recording",
+    "success": "Success",
+    "paused": "Paused",
+    "held": "Held",
+    "decide": "Keep or discard?",
+    "over": "Over",
+}
+"""States in words."""
 
 
 class TeleopState(StrEnum):
     """State of an episode."""
 
+    MAKING_READY = "making_ready"
+    """The arms of a rig are made ready, step by step; nothing is recorded."""
     WAITING = "waiting"
     """Everything is in its place; nothing moves and nothing is recorded before the operator
     begins."""
@@ -88,6 +110,8 @@ class TeleopState(StrEnum):
     """The task is solved; the recording goes on for a moment."""
     PAUSED = "paused"
     """The operator is away: nothing moves and nothing is recorded until one is back."""
+    HELD = "held"
+    """A visitor said hold: nothing moves and nothing is recorded until the operator goes on."""
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
     PREPARING = "preparing"
@@ -98,6 +122,12 @@ class TeleopState(StrEnum):
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
 """States in which control steps are made and recorded, as long as the world runs."""
+_UNBEGUN = (TeleopState.MAKING_READY, TeleopState.WAITING)
+"""States before an episode begins."""
+_LED = (*_RUNNING, TeleopState.PAUSED, TeleopState.HELD)
+"""States of an episode that a person leads."""
+_DISCARDED = (*_LED, TeleopState.DECIDE)
+"""States in which an episode may be discarded."""
 
 
 class Teleoperation:
@@ -164,6 +194,7 @@ class Teleoperation:
         """Decides in each turn of an episode whether the world runs."""
         self._tasks, self._instruction = tasks, instruction
         self._inbox, self._presses = Inbox(), ButtonPresses()
+        self._is_held = False
         data = env.data
         self._episodes = None if data is None else SessionEpisodes(env, data)
         self._is_settled = (
@@ -209,10 +240,17 @@ class Teleoperation:
             OutputError: An episode cannot be written.
         """
         has_hands = self._handle()
+        if self._is_held and self.device.is_squeezed_anew(now_s):
+            self._is_held = False
         self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
-        if self._is_paused:
+        if self._is_paused or self._is_held:
             self.env.pause()
-        if self._is_paused or self._question or (self.lockstep and not has_hands):
+        if (
+            self._is_paused
+            or self._is_held
+            or self._question
+            or (self.lockstep and not has_hands)
+        ):
             return False
         if self._state is TeleopState.WAITING:
             prompt = self.device.prompt(now_s)
@@ -251,7 +289,7 @@ class Teleoperation:
             forget: Whether what was discarded is removed; after an error, the next session can
                 restore it.
         """
-        if self._state is TeleopState.WAITING:
+        if self._state in _UNBEGUN:
             self.env.discard()
         elif self._is_solved:
             self._accept()
@@ -267,7 +305,50 @@ class Teleoperation:
         """State of the episode, or of one that was restored, once it is asked about."""
         if self._question:
             return TeleopState.DECIDE
+        if self._is_held:
+            return TeleopState.HELD
         return TeleopState.PAUSED if self._is_paused else self._state
+
+    @property
+    def panel(self) -> Panel:
+        """Steps of the session, and what may be pressed now."""
+        state = self.state
+        return Panel(
+            steps=(LEAD, SOLVED),
+            now=self._step_of(state, 0),
+            title=TITLES[state],
+            todo=self._said(),
+            buttons=self._buttons(state),
+            holding=HOLDING,
+            can_hold=state in _LED,
+        )
+
+    def _step_of(self, state: TeleopState, lead: int) -> int:
+        """Index of the step of a state, from that of leading."""
+        if state is TeleopState.OVER:
+            return lead + 2
+        return lead + int(state in self.keeps and state is not TeleopState.RECORDING)
+
+    def _buttons(self, state: TeleopState) -> tuple[Button, ...]:
+        found: list[Button] = []
+        if self._is_held:
+            found.append(
+                Button(id="go_on", words="Go on", message=GoOn(), is_next=True)
+            )
+        if state in self.keeps:
+            words = "Solved" if state is TeleopState.RECORDING else "Keep"
+            is_next = state is TeleopState.DECIDE
+            found.append(
+                Button(id="keep", words=words, message=Keep(), key="k", is_next=is_next)
+            )
+        if state in _DISCARDED:
+            found.append(
+                Button(id="discard", words="Discard", message=Discard(), key="d")
+            )
+        if self._episodes is not None and self._episodes.discarded:
+            words = "Restore the last discarded"
+            found.append(Button(id="restore", words=words, message=Restore()))
+        return tuple(found)
 
     @property
     def kept(self) -> int:
@@ -278,7 +359,7 @@ class Teleoperation:
     def _question(self) -> str:
         """The question about a restored episode; empty while another one runs or is decided."""
         episodes = self._episodes
-        is_open = self._state is TeleopState.WAITING or self._is_settled
+        is_open = self._state in _UNBEGUN or self._is_settled
         if episodes is None or not episodes.asked or not is_open:
             return ""
         return f"Keep {next(iter(episodes.asked.values()))}, or discard it again?"
@@ -304,7 +385,7 @@ class Teleoperation:
             "alone": self.pace.is_alone,
             "steps": self.env.get_wrapper_attr("_max_episode_steps"),
             "state": str(self.state),
-            "may_keep": self.state in self.keeps,
+            "panel": self.panel.to_json(),
             "success": bool(info["success"]),
             "count": self.number,
             "kept": self.kept,
@@ -312,7 +393,10 @@ class Teleoperation:
             "wanted": self._progress.wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
-            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
+            "limited": {
+                str(side): self._limited[side.index] and self.device.clutch[side.index]
+                for side in SIDES
+            },
             "stage_changes": [list(change) for change in self._stage_changes],
             "policy": self.leading.status,
             "note": self._said(),
@@ -328,6 +412,9 @@ class Teleoperation:
         return self.env.get_wrapper_attr("_max_episode_steps") / CONTROL_HZ
 
     def _said(self) -> str:
+        """Return the sentence for the operator."""
+        if self._is_held:
+            return HELD
         if self._is_paused:
             return AWAY
         if self._question:
@@ -355,6 +442,7 @@ class Teleoperation:
         return False
 
     def _obey(self, message: Message) -> None:
+        """Do what a message says that has no hands in it."""
         match message:
             case Keep():
                 self._keep()
@@ -362,11 +450,18 @@ class Teleoperation:
                 self._discard()
             case Restore():
                 self._restore()
+            case Hold():
+                self.device.let_go()
+                self._is_held = self._is_held or self.state in _LED
+            case GoOn():
+                self._is_held = False
             case Alone():
                 is_running = self._state in _RUNNING
                 self.pace.is_alone = is_running and not self.pace.is_alone
             case Instruction() | Operator() | SelectItem():
                 self._arrange(message)
+            case _:
+                pass
 
     def _press(self, hands: Hands) -> None:
         asked = {KEEP: self._keep, DISCARD: self._discard}
@@ -392,7 +487,7 @@ class Teleoperation:
         """Whether arms and objects are at rest, and no clock of a stage counts since a state."""
         base = cast("SimEnv", self.env.base)
         speeds = np.abs(base.backend.joint_velocities())
-        is_still = base.simulation.is_settled and bool((speeds < ARM_REST).all())
+        is_still = base.simulation.is_settled(STILL) and bool((speeds < ARM_REST).all())
         return is_still and not self._judge.counts_since(before)
 
     @property
@@ -417,6 +512,8 @@ class Teleoperation:
         self.haptics.update(intent)
         if terminated or truncated:
             self._end(self._why_over(info))
+        elif self._state is TeleopState.SUCCESS and not info["success"]:
+            self._state, self.note = TeleopState.RECORDING, ""  # it was taken back
         elif info["success"] and self._state is TeleopState.RECORDING:
             self._state, self.note = (
                 TeleopState.SUCCESS,
@@ -503,7 +600,7 @@ class Teleoperation:
             return
         if self._is_settled:
             self._next()
-        elif not self._progress.wants(self._layout):
+        elif self.chosen or not self._progress.wants(self._layout):
             self.env.discard()
             self._prepare()
 
@@ -558,7 +655,7 @@ class Teleoperation:
         if task not in self._tasks:
             return
         self.chosen = "" if task == self.env.task else task
-        if self.chosen and self._state is TeleopState.WAITING:
+        if self.chosen and self._state is TeleopState.WAITING and not self._question:
             self.env.discard()
             self._end_session()
         elif self.chosen:
@@ -601,7 +698,7 @@ class Teleoperation:
         self._steps = 0
         self._stage_changes: list[list[int]] = []
         self._limited = (False, False)
-        self._is_paused, self.note = False, ""
+        self._is_paused, self._is_held, self.note = False, False, ""
         self.pace.begin()
         self.device.begin(env.base.backend.last_command)
         self.leading.begin(self._info)

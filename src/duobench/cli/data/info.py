@@ -89,12 +89,6 @@ def _actors(summary: Summary) -> Iterator[str]:
         if task.corrected:
             yield f"{task.task}: {task.corrected}"
         yield from _unused(task)
-        idle = task.unused.get(Reason.IDLE, 0)
-        if idle:
-            yield (
-                f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
-                "which exports leave out"
-            )
 
 
 def _leading(summary: Summary) -> Table:
@@ -112,7 +106,7 @@ def _leading(summary: Summary) -> Table:
 
 
 def _unused(task: TaskSummary) -> Iterator[str]:
-    """Episodes and rows that are not used, but for idle ones."""
+    """Episodes and rows that are not used."""
     parts = {
         "not to be used": task.discarded,
         "without success though kept, which exports leave out": task.failures_led,
@@ -124,6 +118,12 @@ def _unused(task: TaskSummary) -> Iterator[str]:
     trimmed = task.unused.get(Reason.TRIMMED, 0)
     if trimmed:
         yield f"{task.task}: {trimmed} of {task.frames} rows were trimmed away"
+    idle = task.unused.get(Reason.IDLE, 0)
+    if idle:
+        yield (
+            f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
+            "which exports leave out"
+        )
 
 
 def _smoothness(summary: Summary) -> Table:

@@ -47,6 +47,12 @@ const KEYS = [
     shown: "Q, E",
     does: "turn it about the vertical",
   },
+  { shown: "Space", does: "hold: both hands let go, both arms stand still" },
+  {
+    shown: "1 to 9, U",
+    does: "this stage is reached; take the latest one back",
+    on: DEMONSTRATIONS,
+  },
   { act: "fine", keys: { c: "" }, shown: "C, held", does: "a quarter of every motion" },
   {
     act: "grip",
@@ -61,7 +67,7 @@ const KEYS = [
     act: "say",
     keys: { Backspace: "discard", p: "restore" },
     shown: "Backspace, P",
-    does: "discard it; put the last discarded one back",
+    does: "discard it; ask about the last discarded one again",
   },
   {
     act: "say",
@@ -101,13 +107,13 @@ const CONTROLS = {
     ["Both arms and B", "as one thing, by both sticks as one arm"],
     ["Triggers", "left, right gripper"],
     ["Start, Back", "keep or discard the episode"],
-    ["Y", "put the last discarded one back"],
+    ["Y", "ask about the last discarded one again"],
   ],
   Headset: [
     ["Grip", "hold it to move the tool with your hand; let go to reach further"],
     ["Index trigger", "close the gripper, as far as you press"],
     ["A or X", "keep the episode"],
-    ["B, Y", "discard it; put the last discarded one back"],
+    ["B, Y", "discard it; ask about the last discarded one again"],
     ["Click a stick", "put the view, or the table, anew"],
     ["Click both sticks", "hold the arms"],
     ["Trigger for 1 s", "drive, or take over, while you do not drive"],
