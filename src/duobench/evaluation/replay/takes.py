@@ -82,13 +82,8 @@ class Recorded:
             end = TRIMMED
         return Take(
             task=info.task,
-<<<<<<< HEAD
             operator=_words(actor.name or str(actor.kind) for actor in info.actors),
             device=_words(actor.device or "" for actor in info.actors),
-=======
-            operator=info.who,
-            device=next((each.device for each in info.actors if each.device), ""),
->>>>>>> wt-corr
             led_s=round(self.led_s, 1),
             stage=0 if outcome is None else outcome.stage,
             max_stage=0 if outcome is None else outcome.max_stage,
