@@ -66,7 +66,7 @@ def _asks(recording: Recording) -> NDArray[np.bool_]:
     if recording.info.action_mode not in (JOINT_RELATIVE.name, CARTESIAN_RELATIVE.name):
         return np.zeros(len(recording), np.bool_)
     sides = recording.action.reshape(len(recording), len(SIDES), -1)
-    return sides[..., :-1].any(axis=(1, 2))
+    return np.asarray(sides[..., :-1].any(axis=(1, 2)))
 
 
 def _poses(recording: Recording, task: str) -> Array:

@@ -33,6 +33,7 @@ export class Status {
   #items = "";
   #isDrivable = false;
   #isDriver = false;
+  #hasDriven = false; // and was not replaced since
   #role = null;
   #name = null; // pseudonym under which this page drives, or is to
 
@@ -90,6 +91,7 @@ export class Status {
     const wasDriver = this.#isDriver;
     this.#role = role;
     this.#isDriver = role.role === "driver";
+    this.#hasDriven ||= this.#isDriver;
     if (this.#isDriver && !wasDriver && this.#name !== null) {
       this.#tell({ kind: "operator", name: this.#name });
     }
@@ -97,8 +99,21 @@ export class Status {
     this.#showDriving();
   }
 
+  /** Whether this page drives. */
+  get isDriver() {
+    return this.#isDriver;
+  }
+
+  /** Who drives in place of this page, in words; empty while nobody does. */
+  get taken() {
+    const isTaken = this.#hasDriven && !this.#isDriver && this.#role?.drivers > 0;
+    return isTaken ? `${this.#other} took over.` : "";
+  }
+
+  /** Show how long the server took to answer; null while it does not. */
   showPing(milliseconds) {
-    this.#write(".ping", `${Math.round(milliseconds)} ms to the server`);
+    const time = milliseconds === null ? "–" : Math.round(milliseconds);
+    this.#write(".ping", `${time} ms to the server`);
   }
 
   showStep(step) {
@@ -186,9 +201,9 @@ export class Status {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
     const { state, wording = "", operator, operators = [], discarded = 0 } = this.#last;
-    const as = drivers && operator ? ` as ${operator}` : "";
-    const who = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
-    const driving = who + as;
+    const you = operator ? `You drive as ${operator}` : "You drive";
+    const other = drivers ? `${this.#other} drives` : "Nobody drives";
+    const driving = role === "driver" ? you : other;
     const words = [
       this.#isDrivable && driving,
       watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
@@ -225,6 +240,11 @@ export class Status {
   #fill(selector, text) {
     const input = this.#part(selector);
     if (document.activeElement !== input) input.value = text;
+  }
+
+  /** The name of somebody else who drives, where the server says it. */
+  get #other() {
+    return this.#last.operator || "Another page";
   }
 
   #part(selector) {
