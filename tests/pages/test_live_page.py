@@ -1,6 +1,7 @@
 import base64
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from duobench.teleop.messages import (
     Operator,
     Restore,
 )
+from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
 from duobench.teleop.teleoperation import AWAY
 from duobench.web import access
 from duobench.web.geometry import Geometry
@@ -141,8 +143,8 @@ def test_status_is_shown_in_words(page: Page, shown: Shown) -> None:
     assert states == ["reached", "later", "open"]
     assert page.locator(".link").text_content() == "Connected"
     assert page.locator(".marks i").count() == 2
-    shown.server.publish_status({"title": "transfer_cube", "state": "recording", "stage": 0})
-    until(page, "document.querySelector('.state').textContent == 'Recording'")
+    shown.server.publish_status({"title": "transfer_cube", "state": "playing", "stage": 0})
+    until(page, "document.querySelector('.state').textContent == 'Playing'")
     assert page.locator(".timeline").is_hidden()
     assert page.locator("#choice").is_hidden()
 
@@ -156,11 +158,20 @@ def test_people_choose_seek_and_play(page: Page, shown: Shown) -> None:
     wait_for(page, shown, SetPlaying(on=True))
 
 
+def panel(*buttons: Button) -> dict[str, Any]:
+    """The panel of a session that waits to be decided."""
+    made = Panel(steps=(LEAD, SOLVED), now=1, title="Keep or discard?", buttons=buttons)
+    return made.to_json()
+
+
 def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) -> None:
     assert page.locator("#driving").is_hidden()  # nobody asked for hands
     page.route("**/inputs.js", lambda route: route.fulfill(body=_INPUTS, content_type=_MODULE))
     status = {**STATUS, "steps": None, "clutch": {"left": False, "right": True}, "kept": 2}
-    shown.server.publish_status({**status, "state": "recording", "wanted": 10})
+    discard = Button(id="discard", words="Discard", message=Discard())
+    shown.server.publish_status(
+        {**status, "state": "recording", "wanted": 10, "panel": panel(discard)}
+    )
     page.click("#drive")
     until(page, "document.querySelector('.role').textContent == 'You drive'")
     assert [page.locator(f"#{id}").is_visible() for id in ("drive", "keep", "discard")] == [
@@ -170,11 +181,18 @@ def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) ->
     ]
     assert page.locator(".facts").text_content() == "Kept2 of 10Clutchright closed"
     # On real arms nothing else sees that it is solved.
-    shown.server.publish_status({**status, "state": "recording", "may_keep": True})
+    solved = Button(id="keep", words="Solved", message=Keep())
+    shown.server.publish_status({**status, "state": "recording", "panel": panel(solved, discard)})
     page.wait_for_selector("#keep:visible")
     assert page.locator("#keep").text_content() == "Solved"
-    status = {**status, "state": "success", "may_keep": True, "success": True}
-    shown.server.publish_status(status)
+    why_not = replace(discard, why_not="the arms move")
+    keep = replace(solved, words="Keep", is_next=True)
+    shown.server.publish_status({**status, "state": "success", "panel": panel(why_not, keep)})
+    page.wait_for_selector("#keep.next")
+    assert page.locator("#discard").is_disabled()
+    assert page.locator(".buttons").text_content() == "Discard: the arms moveKeep"
+    assert page.locator(".steps [aria-current=step]").text_content() == "2 Solved?"
+    assert broken_rules(page) == []
     page.get_by_role("button", name="Keep").click()
     wait_for(page, shown, Keep())
     page.fill("#wording input", "Pass it on.")

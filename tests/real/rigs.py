@@ -19,6 +19,7 @@ from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
 from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.real.rig import Rig
+from duobench.real.supervisor import State
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.sim.layout import Layout
 from tests.real.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper, simulated_rig
@@ -97,6 +98,17 @@ def put(duo: FrankaDuo, joints: Array) -> None:
     """Put both arms elsewhere (2, 7), as a person does who leads them by hand."""
     for side in SIDES:
         arm(duo, side).put(joints[side.index])
+
+
+def once_while_homing(duo: FrankaDuo, act: Callable[[], object]) -> None:
+    """Do something once while the arms go home the next time."""
+    left = [act]
+
+    def look() -> None:
+        if left and duo.supervisor.state is State.HOMING:
+            left.pop()()
+
+    duo.watch_person(look)
 
 
 def is_tracking(duo: FrankaDuo) -> list[bool]:

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from duobench.core.errors import MessageError, OptionError
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.data import Actor, ActorKind, DataSet, find_problems
 from duobench.data.attempts import of_task
 from duobench.real.rig import Rig
-from duobench.real.sessions.operator import hold_by_key
+from duobench.real.sessions.messages import Home, Stage
+from duobench.real.sessions.preparing import PLACED
 from duobench.real.sessions.rig_teleoperation import (
-    AT_TERMINAL,
-    EndedError,
+    ENDED,
     RigTeleoperation,
     RigTeleopPage,
     make_real_recorder,
@@ -27,13 +27,14 @@ from duobench.real.sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR, ST
 from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.teleop.hands import HandDevice
+from duobench.teleop.messages import Discard
 from duobench.teleop.policy_leader import PolicyLeader
+from duobench.teleop.teleop_page import WATCHING
 from duobench.teleop.teleoperation import TeleopState
 from duobench.web.server import PageServer
 from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.robot.cameras import POLICY_CAMERAS
-from tests.real.rigs import new_rig
-from tests.real.sessions.test_recording import Script
+from tests.real.rigs import new_rig, once_while_homing, quick_rig
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.teleop.toy import POLICY, Toy
 from tests.web.pages import open_page, wait_until
@@ -42,21 +43,42 @@ TASK = "carry_pot"
 PERSON = Actor(kind=ActorKind.PERSON, name="P07", device="headset")
 
 
+class Keys:
+    """A terminal whose keys a script presses."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+        self.call: Callable[[str], object] = lambda _key: None
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def ask(self, text: str, keys: str) -> str:
+        raise AssertionError(f"nothing waits for a key: {text} {keys}")
+
+    def listen(self, call: Any) -> Any:
+        before, self.call = self.call, call
+        return before
+
+    def press(self, key: str) -> None:
+        self.call(key)
+
+
 class Bench:
     """A session on a rig on a virtual clock, and hands that are sent thirty times a second."""
 
     def __init__(
         self,
         folder: Path,
-        answers: str = "",
         *,
+        is_ready: bool = True,
         rig: Rig | None = None,
         task: str = TASK,
         toy: Toy | None = None,
         **options: Any,
     ) -> None:
         self.duo = new_rig(rig)
-        self.terminal = Script(answers, usual="h")
+        self.terminal = Keys()
         seen = None if toy is None else toy.metadata
         recorder = make_real_recorder(
             self.duo, task, folder, PERSON, metadata=seen, after_success=0.2
@@ -66,6 +88,23 @@ class Bench:
             options["policy"] = PolicyLeader(recorder, toy, POLICY, waits=True)
         self.session = RigTeleoperation(recorder, HandDevice(), self.terminal, **options)
         self.turn = 0
+        self.pressed = ""
+        """Keys that made the arms ready since they were asked for."""
+        if is_ready:
+            self.make_ready()
+
+    def make_ready(self) -> None:
+        """Press at the terminal what leads to the next step, until an episode waits."""
+        self.pressed = ""
+        while self.session.state is TeleopState.MAKING_READY:
+            assert len(self.pressed) < 10, self.session.panel
+            (key,) = (each.key for each in self.session.panel.buttons if each.is_next)
+            self.pressed += key
+            self.terminal.press(key)
+            self.advance()
+
+    def advance(self) -> None:
+        self.session.advance(self.turn / CONTROL_HZ)
 
     def send(self, squeeze: float = 0.0, height: float = 0.0) -> None:
         now = self.turn / CONTROL_HZ
@@ -80,9 +119,12 @@ class Bench:
         for step in range(steps):
             self.send(1.0, 0.03 * min(1.0, step / 15))
 
-    def say(self, kind: str) -> None:
+    def say(self, kind: str, *, is_ready: bool = True) -> None:
+        """Say something at the page; then make the arms ready, if that is due."""
         self.session.receive(said(f'{{"kind": "{kind}"}}'), self.turn / CONTROL_HZ)
-        self.session.advance(self.turn / CONTROL_HZ)
+        self.advance()
+        if is_ready:
+            self.make_ready()
 
 
 def test_hands_lead_real_arms_and_who_leads_says_that_it_is_solved(tmp_path: Path) -> None:
@@ -234,22 +276,42 @@ def test_a_discarded_episode_comes_back_with_its_videos(tmp_path: Path) -> None:
     assert not data.discarded.path.exists()
 
 
-def test_arms_go_home_at_the_operators_word_alone(tmp_path: Path) -> None:
-    with pytest.raises(EndedError):
-        Bench(tmp_path, "q")
+def test_nothing_moves_without_the_operators_word(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, is_ready=False)
+    for _ in range(3):
+        bench.send(1.0)
+    assert bench.duo.supervisor.state is State.CONNECTED
+    bench.terminal.press("q")
+    bench.advance()
+    assert (bench.session.state, bench.session.note) == (TeleopState.OVER, ENDED)
+    bench.session.close()
     assert DataSet(tmp_path).episodes() == []
 
 
+def test_hands_lead_nothing_before_the_objects_are_placed(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, is_ready=False)
+    bench.terminal.press("h")
+    bench.lead(5)
+    assert bench.duo.supervisor.state is State.READY
+    assert not bench.duo.supervisor.is_confirmed, "people's hands are among the objects"
+    assert bench.session.panel.title == PLACED
+    bench.terminal.press("p")
+    bench.advance()
+    bench.lead(5)
+    assert bench.session.state is TeleopState.RECORDING
+    bench.session.close()
+
+
 def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, "hrh")
+    bench = Bench(tmp_path)
     bench.lead(10)
     bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.CONTACT)  # type: ignore[attr-defined]
     bench.send(1.0)
     assert bench.session.state is TeleopState.DECIDE
     assert "joint_reflex" in bench.session.note
     bench.say("keep")
-    assert bench.session.state is TeleopState.WAITING
-    assert bench.terminal.answers == []
+    assert bench.pressed == "rhp"
+    assert "joint_reflex" in "".join(bench.terminal.said)
     bench.lead(5)
     bench.say("discard")
     bench.session.close()
@@ -258,25 +320,15 @@ def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
     assert "joint_reflex" in str(episode.info.outcome.reason)
 
 
-def once_while_homing(bench: Bench, act: Callable[[], object]) -> None:
-    """Do something once while the arms go home the next time."""
-    left = [act]
-
-    def look() -> None:
-        if left and bench.duo.supervisor.state is State.HOMING:
-            left.pop()()
-
-    bench.duo.watch_person(look)
-
-
 def test_arms_that_do_not_get_home_are_asked_about_again(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, "hhh")
+    bench = Bench(tmp_path)
     bench.lead(10)
-    once_while_homing(bench, lambda: bench.duo.hold("The operator's page lost its connection."))
+    once_while_homing(bench.duo, lambda: bench.duo.hold(CONNECTION_LOST))
     bench.say("discard")
-    assert bench.session.state is TeleopState.WAITING
-    assert bench.terminal.answers == []
-    assert any("lost its connection" in said for said in bench.terminal.said)
+    assert (bench.session.state, bench.pressed) == (TeleopState.WAITING, "hhp")
+    assert CONNECTION_LOST in "".join(bench.terminal.said)
+    (attempt,) = of_task(DataSet(tmp_path), TASK)
+    assert attempt.episode == 0, "the way home is no attempt"
     bench.say("restore")  # what was discarded before is still there
     bench.say("keep")
     assert len(DataSet(tmp_path).episodes()) == 1
@@ -287,10 +339,11 @@ def test_arms_that_are_held_before_an_episode_begins_go_home_again(tmp_path: Pat
     bench = Bench(tmp_path)
     bench.send()
     bench.duo.hold(CONNECTION_LOST)
-    questions = len(bench.terminal.asked)
     bench.lead(5)
-    assert CONNECTION_LOST in bench.terminal.said
-    assert len(bench.terminal.asked) == questions + 1
+    assert bench.session.state is TeleopState.MAKING_READY
+    assert CONNECTION_LOST in bench.session.panel.todo
+    bench.make_ready()
+    bench.lead(5)
     assert (bench.duo.held, bench.session.status()["count"]) == (None, 0)
     assert bench.session.status()["step"] > 1
     bench.session.close()
@@ -307,8 +360,8 @@ def test_solved_is_kept_where_the_session_ends_before_the_recording(
     if is_lost:
         bench.duo.hold(CONNECTION_LOST)
         bench.session.leave(bench.turn / CONTROL_HZ)
-        bench.session.advance(bench.turn / CONTROL_HZ)
-        assert bench.session.state is TeleopState.WAITING
+        bench.advance()
+        assert bench.session.state is TeleopState.MAKING_READY
     else:
         bench.session.stop()
     bench.session.close()
@@ -321,76 +374,171 @@ def test_solved_is_kept_where_the_session_ends_before_the_recording(
     assert (attempt.success, attempt.kept) == (True, True)
 
 
-def test_page_shows_what_is_waited_for_and_a_second_press_skips_nothing(tmp_path: Path) -> None:
+def test_solved_is_taken_back(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
-    ask = bench.terminal.ask
+    bench.lead(5)
+    bench.say("keep")
+    bench.send(1.0)
+    assert bench.session.state is TeleopState.SUCCESS
+    bench.terminal.press("u")
+    for _ in range(15):
+        bench.send(1.0, 0.03)
+    assert bench.session.state is TeleopState.RECORDING
+    bench.say("discard")
+    bench.session.close()
+    assert DataSet(tmp_path).episodes() == []
+
+
+def test_stages_are_pressed_while_arms_are_led(tmp_path: Path) -> None:
+    """At the terminal and at the page; corrected before the episode is kept."""
+    bench = Bench(tmp_path)
+    bench.lead(5)
+    bench.terminal.press("1")
+    bench.send(1.0, 0.03)
+    bench.session.receive(Stage(stage=3), 0.0)  # by mistake
+    bench.send(1.0, 0.03)
+    assert bench.session.state is TeleopState.SUCCESS
+    bench.terminal.press("u")
+    bench.send(1.0, 0.03)
+    assert bench.session.state is TeleopState.RECORDING
+    assert [each.stage for each in bench.session.status()["presses"]] == [1, 3, None]
+    with pytest.raises(OptionError):
+        bench.session.receive(Stage(stage=9), 0.0)
+    bench.duo.hold(HELD_BY_OPERATOR)
+    bench.send(1.0)
+    assert bench.session.state is TeleopState.DECIDE
+    bench.terminal.press("2")
+    bench.say("keep")
+    with pytest.raises(MessageError, match="Not now"):
+        bench.session.receive(Stage(stage=1), 0.0)
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    outcome = episode.info.outcome
+    assert outcome is not None
+    assert (outcome.stage, outcome.success) == (2, False)
+    assert sorted(set(episode.stage.tolist())) == [0, 1, 2]
+
+
+def test_page_leads_from_grippers_that_are_off_to_a_kept_episode(tmp_path: Path) -> None:
+    """Nobody touches the terminal; who watches may hold."""
+    bench = Bench(tmp_path, rig=quick_rig(cameras=True), task="bin_sort", is_ready=False)
     with closing(PageServer({})) as server:
-        live = RigTeleopPage(bench.session, server)
+        live = RigTeleopPage(bench.session, server, silence_s=600.0)
+        with open_page(server.url) as page, open_page(server.url) as other:
+            page.drive()
+
+            def press(words: str) -> None:
+                """Press the button that is the next step, once it is there."""
+                for _ in range(200):
+                    bench.advance()
+                    live.show()
+                    panel = page.hear_of("status")["panel"]
+                    found = [each for each in panel["buttons"] if each["is_next"]]
+                    if found and found[0]["id"] == words:
+                        page.say(**found[0]["message"])
+                        wait_until(lambda: bench.session._inbox._waiting)
+                        bench.advance()
+                        return
+                raise AssertionError(panel)
+
+            press("activate")
+            press("home")
+            press("placed")
+            bench.advance()
+            assert bench.session.state is TeleopState.WAITING
+            other.say(kind="hold")
+            wait_until(lambda: bench.duo.held == HELD_BY_OPERATOR)
+            bench.advance()
+            press("home")
+            press("placed")
+            bench.lead(5)
+            assert bench.session.state is TeleopState.RECORDING
+            page.say(kind="stage", stage=2)
+            wait_until(lambda: bench.session.status()["presses"])
+            other.say(kind="stage", stage=1)
+            other.hear_of("refused", reason=WATCHING)
+            page.say(kind="keep")
+            wait_until(lambda: bench.session._inbox._waiting)
+            for _ in range(12):
+                bench.send(1.0, 0.03)
+    assert bench.session.kept == 1
+    assert bench.session.state is TeleopState.MAKING_READY
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.info.outcome is not None
+    assert (episode.info.outcome.success, episode.info.outcome.kept) == (True, True)
+    assert find_problems(DataSet(tmp_path)) == []
+
+
+def test_page_without_a_sign_holds_the_arms_that_it_sent_home(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, is_ready=False)
+    with closing(PageServer({})) as server:
+        RigTeleopPage(bench.session, server, silence_s=0.0)
         with open_page(server.url) as page:
             page.drive()
-            bench.lead(5)
-            live.show()
-            page.hear_of("status", state="recording")
+            page.say(kind="home")
+            wait_until(lambda: bench.session._inbox._waiting)
+            bench.advance()
+    assert bench.session.state is TeleopState.MAKING_READY
+    assert "gave no sign" in bench.session.panel.todo
+    assert list(of_task(DataSet(tmp_path), TASK)) == []
+    bench.session.close()
 
-            def impatient(text: str, keys: str) -> str:
-                page.hear_of("status", state="waiting", note=AT_TERMINAL)
-                bench.session.receive(said('{"kind": "discard"}'), bench.turn / CONTROL_HZ)
-                return ask(text, keys)
 
-            bench.terminal.ask = impatient  # type: ignore[method-assign]
-            bench.say("discard")
-            bench.send()
+def test_second_press_skips_nothing(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.lead(5)
+    bench.session.receive(Discard(), 0.0)
+    bench.say("discard")
+    bench.send()
     assert (bench.session.state, bench.session.status()["count"]) == (TeleopState.WAITING, 1)
+    bench.session.close()
+
+
+def test_hold_after_the_press_of_home_moves_nothing(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, is_ready=False)
+    bench.session.receive(Home(), 0.0)
+    bench.terminal.press(" ")
+    bench.advance()
+    assert bench.duo.supervisor.state is State.HOLDING
+    bench.make_ready()
+    assert bench.pressed == "hp"
     bench.session.close()
 
 
 def test_stop_holds_arms_that_go_home_and_ends_the_session(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.lead(10)
-    once_while_homing(bench, bench.session.stop)
-    with pytest.raises(EndedError):
-        bench.say("discard")
-    assert bench.duo.held == STOPPED
-    bench.session.close()
-
-
-def test_stop_while_it_is_asked_moves_nothing_whatever_is_answered(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
-    bench.lead(10)
-    ask = bench.terminal.ask
-
-    def stopped(text: str, keys: str) -> str:
-        bench.session.stop()
-        return ask(text, keys)
-
-    bench.terminal.ask = stopped  # type: ignore[method-assign]
-    with pytest.raises(EndedError):
-        bench.say("discard")
+    bench.say("discard", is_ready=False)
+    once_while_homing(bench.duo, bench.session.stop)
+    bench.terminal.press("h")
+    bench.advance()
     assert bench.duo.held == STOPPED
     bench.session.close()
 
 
 def test_session_that_ends_between_episodes_notes_none(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, "hq", episodes=3)
+    bench = Bench(tmp_path, episodes=3)
     bench.lead(10)
     bench.say("keep")
-    with pytest.raises(EndedError):
-        bench.lead(10)
+    for _ in range(10):
+        bench.send(1.0)
+    bench.terminal.press("q")
+    bench.advance()
+    assert bench.session.state is TeleopState.OVER
     bench.session.close()
     (attempt,) = of_task(DataSet(tmp_path), TASK)
     assert (attempt.episode, attempt.success, attempt.kept) == (0, True, True)
 
 
 def test_space_bar_still_holds_after_a_recovery(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, "hrh")
-    bench.terminal.listen(partial(hold_by_key, bench.duo))
+    bench = Bench(tmp_path)
     bench.lead(10)
     bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.CONTACT)  # type: ignore[attr-defined]
     bench.send(1.0)
     bench.say("discard")
     bench.lead(5)
-    assert bench.terminal.call is not None
-    bench.terminal.call(" ")
+    bench.terminal.press(" ")
     assert bench.duo.held == HELD_BY_OPERATOR
     bench.session.close()
 

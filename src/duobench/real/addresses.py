@@ -17,6 +17,14 @@ def is_simulator(text: str) -> bool:
     return text == "localhost" if address is None else address.is_loopback
 
 
+def share_subnet(one: str, other: str) -> bool:
+    """Whether two addresses lie in one subnet of 256; host names and simulators never do."""
+    found = _address(one), _address(other)
+    if None in found or any(map(is_simulator, (one, other))):
+        return False
+    return one.rpartition(".")[0] == other.rpartition(".")[0]
+
+
 def _address(text: str) -> IPv4Address | None:
     try:
         return IPv4Address(text)

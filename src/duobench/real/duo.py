@@ -101,6 +101,8 @@ class FrankaDuo:
         slow = [[min(arm.home_fraction, arm.speed_fraction)] for arm in (left, right)]
         self._home_fractions = np.array(slow)
         self._due = 0.0
+        self.followed = 0
+        """Number of commands so far that found arms which were not held."""
         self.late_s = 0.0
         """Seconds by which the last command came too late."""
         self.time = 0.0
@@ -338,6 +340,7 @@ class FrankaDuo:
         self._begin()
         self.late_s = max(0.0, self.clock.now() - self._due - PERIOD)
         if self.health() is None and self.held is None:
+            self.followed += 1
             self._send(targets)
         self._tick()
         return self.last_command

@@ -318,6 +318,12 @@ class HandDevice:
         """Whether the operator has gone, or nothing fresh was heard of one for `AWAY_S`."""
         return self.is_lost(now_s, AWAY_S)
 
+    def is_squeezed_anew(self, now_s: float) -> bool:
+        """Whether a hand that was open since both let go is squeezed."""
+        hands = self._now(now_s)
+        left, right = (self._arms[side].clutch.wants(hands[side]) for side in SIDES)
+        return left or right
+
     def prompt(self, now_s: float) -> str | None:
         """Return what to do before the episode begins: open both hands, then squeeze one."""
         hands = self._now(now_s)

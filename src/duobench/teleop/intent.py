@@ -64,6 +64,10 @@ class TeleopDevice(Protocol):
         """Return what to do before the episode begins; None once it has begun."""
         ...
 
+    def is_squeezed_anew(self, now_s: float) -> bool:
+        """Whether a hand that let go after a hold would lead again."""
+        ...
+
     def intend(
         self,
         now_s: float,

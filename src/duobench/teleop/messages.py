@@ -4,6 +4,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Annotated, Literal
 
 import msgspec
@@ -99,6 +100,14 @@ class Restore(PageMessage, frozen=True):
     """Keep the episode that was discarded last after all."""
 
 
+class Hold(PageMessage, frozen=True):
+    """Both hands let go and both arms stand still; any visitor of the page may say so."""
+
+
+class GoOn(PageMessage, frozen=True):
+    """The operator goes on after a hold in the simulation; arms of a rig go home instead."""
+
+
 class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
@@ -147,6 +156,8 @@ Message = (
     | Keep
     | Discard
     | Restore
+    | Hold
+    | GoOn
     | Recentre
     | Alone
     | Why
@@ -155,6 +166,8 @@ Message = (
     | SelectItem
 )
 """Everything that an operator may send."""
+ANYONE = (Hold,)
+"""Messages that visitors who watch may send too."""
 
 
 class Inbox:
@@ -177,10 +190,11 @@ class Inbox:
 
     def forget(self, *kinds: type) -> None:
         """Remove waiting messages of some kinds; they are ignored."""
-        for _ in range(len(self._waiting)):
-            message, now_s = self._waiting.popleft()
-            if not isinstance(message, kinds):
-                self._waiting.append((message, now_s))
+        with suppress(IndexError):  # another thread takes messages out too
+            for _ in range(len(self._waiting)):
+                message, now_s = self._waiting.popleft()
+                if not isinstance(message, kinds):
+                    self._waiting.append((message, now_s))
 
     def __iter__(self) -> Iterator[tuple[Message | None, float]]:
         """Take messages out, the oldest first; those that are not asked for wait on."""

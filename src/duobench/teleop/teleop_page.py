@@ -14,7 +14,7 @@ import numpy as np
 
 from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.envs.sim_env import SimEnv
-from duobench.teleop.messages import Message
+from duobench.teleop.messages import ANYONE, Message
 from duobench.teleop.plan import PlannedSessions
 from duobench.teleop.plumb import PlumbLines
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
@@ -115,6 +115,9 @@ class TeleopPage:
         plan: Gives the sessions that follow.
     """
 
+    kinds: Any = Message
+    """Classes of the messages that the page takes."""
+
     def __init__(
         self,
         session: Teleoperation,
@@ -129,7 +132,7 @@ class TeleopPage:
         self._told: dict[str, Any] = {}
         self._turn = 0
         self._use(session)
-        server.listen(Message, self._take, self._leave, WATCHING)
+        server.listen(self.kinds, self._take, self._leave, WATCHING, ANYONE)
         self.show()
 
     def _use(self, session: Teleoperation) -> None:

@@ -38,7 +38,9 @@ from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import (
     Alone,
     Discard,
+    GoOn,
     Hands,
+    Hold,
     Inbox,
     Instruction,
     Keep,
@@ -47,6 +49,7 @@ from duobench.teleop.messages import (
     Restore,
 )
 from duobench.teleop.pace import Pace
+from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
 from duobench.teleop.plan import TaskProgress
 from duobench.teleop.policy_leader import Leading, PolicyLeader
 from duobench.teleop.session_episodes import SessionEpisodes
@@ -76,11 +79,27 @@ DISCARDED = "Discarded."
 """Reason why an episode is not kept."""
 AWAY = "No operator drives: the recording waits until one does."
 ENDING = "{:.0f} s are left of the {:.0f} s that this episode may be led."
+HOLDING = "Space bar and this button: both hands let go, and everything stands still."
+HELD = "Held: nothing moves. Let go and squeeze again, or press Go on."
+TITLES = {
+    "making_ready": "Getting ready",
+    "preparing": "The next layout is prepared",
+    "waiting": "Waiting for the first move",
+    "recording": "Recording",
+    "success": "Success",
+    "paused": "Paused",
+    "held": "Held",
+    "decide": "Keep or discard?",
+    "over": "Over",
+}
+"""States in words."""
 
 
 class TeleopState(StrEnum):
     """State of an episode."""
 
+    MAKING_READY = "making_ready"
+    """The arms of a rig are made ready, step by step; nothing is recorded."""
     WAITING = "waiting"
     """Everything is in its place; nothing moves and nothing is recorded before the operator
     begins."""
@@ -91,6 +110,8 @@ class TeleopState(StrEnum):
     """The task is solved; the recording goes on for a moment."""
     PAUSED = "paused"
     """The operator is away: nothing moves and nothing is recorded until one is back."""
+    HELD = "held"
+    """A visitor said hold: nothing moves and nothing is recorded until the operator goes on."""
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
     PREPARING = "preparing"
@@ -101,6 +122,12 @@ class TeleopState(StrEnum):
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
 """States in which control steps are made and recorded, as long as the world runs."""
+_UNBEGUN = (TeleopState.MAKING_READY, TeleopState.WAITING)
+"""States before an episode begins."""
+_LED = (*_RUNNING, TeleopState.PAUSED, TeleopState.HELD)
+"""States of an episode that a person leads."""
+_DISCARDED = (*_LED, TeleopState.DECIDE)
+"""States in which an episode may be discarded."""
 
 
 class Teleoperation:
@@ -167,6 +194,7 @@ class Teleoperation:
         """Decides in each turn of an episode whether the world runs."""
         self._tasks, self._instruction = tasks, instruction
         self._inbox, self._presses = Inbox(), ButtonPresses()
+        self._is_held = False
         data = env.data
         self._episodes = None if data is None else SessionEpisodes(env, data)
         self._is_settled = (
@@ -212,10 +240,17 @@ class Teleoperation:
             OutputError: An episode cannot be written.
         """
         has_hands = self._handle()
+        if self._is_held and self.device.is_squeezed_anew(now_s):
+            self._is_held = False
         self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
-        if self._is_paused:
+        if self._is_paused or self._is_held:
             self.env.pause()
-        if self._is_paused or self._question or (self.lockstep and not has_hands):
+        if (
+            self._is_paused
+            or self._is_held
+            or self._question
+            or (self.lockstep and not has_hands)
+        ):
             return False
         if self._state is TeleopState.WAITING:
             prompt = self.device.prompt(now_s)
@@ -254,7 +289,7 @@ class Teleoperation:
             forget: Whether what was discarded is removed; after an error, the next session can
                 restore it.
         """
-        if self._state is TeleopState.WAITING:
+        if self._state in _UNBEGUN:
             self.env.discard()
         elif self._is_solved:
             self._accept()
@@ -270,7 +305,50 @@ class Teleoperation:
         """State of the episode, or of one that was restored, once it is asked about."""
         if self._question:
             return TeleopState.DECIDE
+        if self._is_held:
+            return TeleopState.HELD
         return TeleopState.PAUSED if self._is_paused else self._state
+
+    @property
+    def panel(self) -> Panel:
+        """Steps of the session, and what may be pressed now."""
+        state = self.state
+        return Panel(
+            steps=(LEAD, SOLVED),
+            now=self._step_of(state, 0),
+            title=TITLES[state],
+            todo=self._said(),
+            buttons=self._buttons(state),
+            holding=HOLDING,
+            can_hold=state in _LED,
+        )
+
+    def _step_of(self, state: TeleopState, lead: int) -> int:
+        """Index of the step of a state, from that of leading."""
+        if state is TeleopState.OVER:
+            return lead + 2
+        return lead + int(state in self.keeps and state is not TeleopState.RECORDING)
+
+    def _buttons(self, state: TeleopState) -> tuple[Button, ...]:
+        found: list[Button] = []
+        if self._is_held:
+            found.append(
+                Button(id="go_on", words="Go on", message=GoOn(), is_next=True)
+            )
+        if state in self.keeps:
+            words = "Solved" if state is TeleopState.RECORDING else "Keep"
+            is_next = state is TeleopState.DECIDE
+            found.append(
+                Button(id="keep", words=words, message=Keep(), key="k", is_next=is_next)
+            )
+        if state in _DISCARDED:
+            found.append(
+                Button(id="discard", words="Discard", message=Discard(), key="d")
+            )
+        if self._episodes is not None and self._episodes.discarded:
+            words = "Restore the last discarded"
+            found.append(Button(id="restore", words=words, message=Restore()))
+        return tuple(found)
 
     @property
     def kept(self) -> int:
@@ -281,7 +359,7 @@ class Teleoperation:
     def _question(self) -> str:
         """The question about a restored episode; empty while another one runs or is decided."""
         episodes = self._episodes
-        is_open = self._state is TeleopState.WAITING or self._is_settled
+        is_open = self._state in _UNBEGUN or self._is_settled
         if episodes is None or not episodes.asked or not is_open:
             return ""
         return f"Keep {next(iter(episodes.asked.values()))}, or discard it again?"
@@ -307,7 +385,7 @@ class Teleoperation:
             "alone": self.pace.is_alone,
             "steps": self.env.get_wrapper_attr("_max_episode_steps"),
             "state": str(self.state),
-            "may_keep": self.state in self.keeps,
+            "panel": self.panel.to_json(),
             "success": bool(info["success"]),
             "count": self.number,
             "kept": self.kept,
@@ -334,6 +412,9 @@ class Teleoperation:
         return self.env.get_wrapper_attr("_max_episode_steps") / CONTROL_HZ
 
     def _said(self) -> str:
+        """Return the sentence for the operator."""
+        if self._is_held:
+            return HELD
         if self._is_paused:
             return AWAY
         if self._question:
@@ -361,6 +442,7 @@ class Teleoperation:
         return False
 
     def _obey(self, message: Message) -> None:
+        """Do what a message says that has no hands in it."""
         match message:
             case Keep():
                 self._keep()
@@ -368,11 +450,18 @@ class Teleoperation:
                 self._discard()
             case Restore():
                 self._restore()
+            case Hold():
+                self.device.let_go()
+                self._is_held = self._is_held or self.state in _LED
+            case GoOn():
+                self._is_held = False
             case Alone():
                 is_running = self._state in _RUNNING
                 self.pace.is_alone = is_running and not self.pace.is_alone
             case Instruction() | Operator() | SelectItem():
                 self._arrange(message)
+            case _:
+                pass
 
     def _press(self, hands: Hands) -> None:
         asked = {KEEP: self._keep, DISCARD: self._discard}
@@ -423,6 +512,8 @@ class Teleoperation:
         self.haptics.update(intent)
         if terminated or truncated:
             self._end(self._why_over(info))
+        elif self._state is TeleopState.SUCCESS and not info["success"]:
+            self._state, self.note = TeleopState.RECORDING, ""  # it was taken back
         elif info["success"] and self._state is TeleopState.RECORDING:
             self._state, self.note = (
                 TeleopState.SUCCESS,
@@ -607,7 +698,7 @@ class Teleoperation:
         self._steps = 0
         self._stage_changes: list[list[int]] = []
         self._limited = (False, False)
-        self._is_paused, self.note = False, ""
+        self._is_paused, self._is_held, self.note = False, False, ""
         self.pace.begin()
         self.device.begin(env.base.backend.last_command)
         self.leading.begin(self._info)

@@ -41,6 +41,21 @@ def test_what_will_hold_is_said(tmp_path: Path, told: Told) -> None:
         "Obstacle mast: 0.1 x 0.1 x 1 m around 0, 0.9, 0.5",
     ):
         assert each in words
+    assert "Note:" not in words
+
+
+@pytest.mark.parametrize(
+    ("right", "is_noted"),
+    [("172.16.0.3", True), ("127.0.0.2", False), ("right-arm.local", False)],
+)
+def test_what_a_lab_should_not_do_is_noted(
+    right: str, is_noted: bool, tmp_path: Path, told: Told
+) -> None:
+    document = changed("arms.right.address", right)
+    del document["cameras"]["head"]
+    said = told("real", "rig", "check", lab(tmp_path, document))
+    assert ("both arms are in one subnet" in said) == is_noted
+    assert "no head camera" in said
 
 
 def test_the_rig_without_a_file_is_described(told: Told) -> None:

@@ -118,6 +118,7 @@ class Operator:
         """Begin a trial in which an arm has a fault after a stage was reached."""
         self.begin()
         self.press(stage)
+        self.next_chunk()  # before the first command nothing counts
         self.next_chunk(lambda: self.fail(Side.LEFT, text, kind))
 
     def recover(self) -> None:

@@ -6,13 +6,26 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from duobench.core.types import Side
 from duobench.real.sessions.cameras import Film
 from duobench.real.sessions.messages import Activate, Hold, Home, Message, Placed, Start
-from duobench.real.sessions.session import CONNECTION_LOST, TAKEN_OVER, Phase, Stopped
+from duobench.real.sessions.session import (
+    CONNECTION_LOST,
+    HELD_BY_OPERATOR,
+    TAKEN_OVER,
+    Phase,
+    Stopped,
+)
+from duobench.real.sessions.trials_folder import LogKind
 from duobench.real.supervisor import State
+from duobench.world.robot.joints import HOME_JOINTS
+from tests.real.rigs import once_while_homing, put
 from tests.real.sessions.operator import Operator, Stand, only_record, played, run
+
+SILENT = "The operator's page gave no sign for 2.0 s."
 
 
 @pytest.fixture
@@ -128,12 +141,54 @@ def test_page_that_goes_after_the_last_step_spoils_nothing(
     assert held == ["The episode is over."]
 
 
+def test_nothing_before_the_first_command_makes_a_trial_invalid(tmp_path: Path) -> None:
+    """A silent page, a hold and a fault: on the way home, and while the policy is first asked."""
+
+    def script(operator: Operator) -> None:
+        duo, session = operator.stand.duo, operator.stand.session
+        put(duo, HOME_JOINTS + np.array([0.3, 0, 0, 0, 0, 0, 0]))
+        once_while_homing(duo, lambda: session.lose(SILENT))
+        operator.start()
+        operator.until(lambda status: SILENT in status["message"])
+        operator.phase("ready")
+        operator.say("start")
+        operator.phase("playing")
+        operator.press(3)
+        operator.next_chunk(partial(operator.fail, Side.LEFT, "no answer"))
+        operator.until(lambda status: status["fault"])
+        operator.phase("ready")
+        (start,) = (each for each in operator.status["panel"]["buttons"] if each["id"] == "start")
+        assert (start["why_not"], start["is_next"]) == ("a fault stands", False)
+        operator.recover()
+        operator.say("start")
+        operator.phase("playing")
+        operator.say("hold")
+        operator.next_chunk()
+        operator.until(lambda status: HELD_BY_OPERATOR in status["message"])
+        operator.phase("ready")
+        assert operator.status["trial"]["attempt"] == 1
+        operator.say("start")
+        operator.phase("playing")
+        operator.play([[1]])
+        operator.finish()
+
+    stand = played(tmp_path / "t", script)
+    record, judged = only_record(stand)
+    assert (record.final_stage, judged.repeated) == (1, ())
+    assert [press.stage for press in judged.presses] == [1]
+    kinds = [entry.kind for entry in stand.folder.read_log()]
+    assert kinds.count(LogKind.NOT_BEGUN) == 3
+    assert kinds.count(LogKind.BEGIN) == kinds.count(LogKind.END) == 1
+    assert stand.folder.compared() == ""
+
+
 @pytest.mark.parametrize(("gives_way", "reason"), [(False, CONNECTION_LOST), (True, TAKEN_OVER)])
 def test_page_that_goes_before_spoils_the_trial(
     tmp_path: Path, gives_way: bool, reason: str
 ) -> None:
     def script(operator: Operator) -> None:
         operator.begin()
+        operator.next_chunk()
         operator.next_chunk(partial(operator.stand.server.on_driver_lost, gives_way))
         operator.attempt(2)
         operator.trial(1)

@@ -126,7 +126,7 @@ def test_recording_on_a_rehearsal_solves_the_task(
 
 
 def test_teleoperation_finds_the_objects_where_the_layout_says(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, "ah", rig=quick_rig(), task="bin_sort", episodes=1)
+    bench = Bench(tmp_path, rig=quick_rig(), task="bin_sort", episodes=1)
     world, layout = bench.duo.world, bench.session.env.base.layout
     assert world is not None
     assert layout.poses

@@ -2,6 +2,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -22,11 +23,10 @@ from duobench.real.sessions.trials_folder import (
     TrialsProgress,
 )
 from duobench.real.sessions.trials_report import write_trials_report
-from duobench.real.supervisor import State
 from duobench.results.labels import REACTION_S, FaultKind
 from duobench.results.records import InvalidTrial
 from duobench.world.robot.joints import HOME_JOINTS
-from tests.real.rigs import put
+from tests.real.rigs import once_while_homing, put
 from tests.real.sessions import toys
 from tests.real.sessions.operator import (
     LAST,
@@ -138,30 +138,23 @@ def test_what_a_person_or_our_controller_did_is_asked_about_and_never_counts(
     assert f"{kind} (1)" in stand.folder.page.read_text()
 
 
-def test_a_stop_while_the_arms_go_home_is_asked_about_as_well(tmp_path: Path) -> None:
+def test_a_stop_while_the_arms_go_home_costs_no_trial(tmp_path: Path) -> None:
     def script(operator: Operator) -> None:
         duo = operator.stand.duo
-        ticker = duo.clock.every(
-            0.3,
-            lambda: (
-                operator.fail(Side.LEFT, "User Stop pressed!", FaultKind.PERSON)
-                if duo.supervisor.state is State.HOMING and not operator.stand.session.reasons
-                else None
-            ),
-            "somebody",
-        )
         put(duo, HOME_JOINTS + 0.2)
+        stop = partial(operator.fail, Side.LEFT, "User Stop pressed!", FaultKind.PERSON)
+        once_while_homing(duo, stop)
         operator.start()
-        status = operator.phase("judging")
-        ticker.stop()
-        assert "User Stop" in status["message"]
-        assert len(status["reasons"]) > 1
-        operator.invalid("A visitor came near.")
-        operator.stand.session.stop()
+        operator.until(lambda status: status["fault"])
+        assert "User Stop" in operator.phase("ready")["message"]
+        operator.recover()
+        operator.say("start")
+        operator.phase("playing")
+        operator.play([[1]])
+        operator.finish()
 
-    stand = played(tmp_path / "t", script, is_complete=False)
-    (found,) = invalid(stand)
-    assert (found.fault, found.reason) == (FaultKind.PERSON, "A visitor came near.")
+    _, judged = only_record(played(tmp_path / "t", script))
+    assert (judged.repeated, judged.fault) == ((), None)
 
 
 def test_fault_in_the_step_of_the_success_does_not_take_it_back(tmp_path: Path) -> None:
@@ -171,6 +164,7 @@ def test_fault_in_the_step_of_the_success_does_not_take_it_back(tmp_path: Path) 
 
     def script(operator: Operator) -> None:
         operator.begin()
+        operator.next_chunk()
         operator.next_chunk(lambda: stop(operator))
         assert operator.phase("judging")["reasons"] == []
         operator.finish()
@@ -227,12 +221,13 @@ def test_operator_holds_the_arms_at_once(tmp_path: Path) -> None:
 
     def script(operator: Operator) -> None:
         operator.begin()
+        operator.next_chunk()
         operator.next_chunk(lambda: hold(operator))
         operator.phase("judging")
         operator.finish()
 
     record, judged = only_record(played(tmp_path / "t", script))
-    assert (record.steps, judged.stopped, judged.fault) == (1, HELD_BY_OPERATOR, None)
+    assert (record.steps, judged.stopped, judged.fault) == (toys.CHUNK + 1, HELD_BY_OPERATOR, None)
 
 
 def test_lost_page_holds_the_arms_and_the_trial_does_not_count(tmp_path: Path) -> None:
@@ -242,6 +237,7 @@ def test_lost_page_holds_the_arms_and_the_trial_does_not_count(tmp_path: Path) -
 
     def script(operator: Operator) -> None:
         operator.begin()
+        operator.next_chunk()
         operator.next_chunk(lambda: leave(operator))
         with open_page(operator.stand.server.url) as page:
             again = Operator(page)

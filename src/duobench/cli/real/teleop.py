@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 
@@ -12,8 +12,8 @@ from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.leading import LeadingOptions, lead
 from duobench.cli.shared.page import PageOptions
-from duobench.cli.shared.process import load_engine, stopping
-from duobench.cli.shared.rigs import KeyTerminal, RigOptions, hold_and_say
+from duobench.cli.shared.process import load_engine
+from duobench.cli.shared.rigs import KeyTerminal, RigOptions
 from duobench.core.files import taken_back
 
 _LEADING, _PAGE = LeadingOptions(), PageOptions()
@@ -29,9 +29,10 @@ def run(
 ) -> None:
     """Record episodes that an operator leads on real arms, until Ctrl-C.
 
-    As duobench teleop, on a rig: the page also shows what its cameras see, this terminal asks
-    before the arms go home, and the space bar here holds them. Keeping an episode while it runs
-    says that the task is solved. Not yet tried on an arm.
+    As duobench teleop, on a rig: the page also shows what its cameras see. It is led step by step
+    from the page or from this terminal, wherever something is pressed first: grippers, the way
+    home, placed, stages by their numbers, solved. The space bar holds the arms at both. Not yet
+    tried on an arm.
 
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
@@ -48,10 +49,8 @@ def run(
     load_engine()
     from duobench.data.dataset import DESCRIPTION
     from duobench.real.sessions.cameras import CameraFeed
-    from duobench.real.sessions.operator import hold_by_key
     from duobench.real.sessions.policy_runner import find_rig_policy
     from duobench.real.sessions.rig_teleoperation import (
-        EndedError,
         RigTeleoperation,
         RigTeleopPage,
         make_real_recorder,
@@ -65,7 +64,6 @@ def run(
         )
         duo = rig.open()
         terminal = ending.enter_context(closing(KeyTerminal()))
-        terminal.listen(partial(hold_by_key, duo))
         recorder = make_real_recorder(
             duo,
             task,
@@ -76,23 +74,21 @@ def run(
             time_limit_s=leading.limit,
         )
         ending.callback(recorder.close)
-        with suppress(EndedError):
-            with stopping(partial(hold_and_say, duo)):
-                session = RigTeleoperation(
-                    recorder,
-                    led_by,
-                    terminal,
-                    episodes=episodes,
-                    policy=leading.play(source, recorder),
-                    **leading.asked(),
-                )
-            ending.enter_context(session)
-            server = page.serve()
-            ending.callback(server.close)
-            ending.callback(CameraFeed(duo, server).close)
-            note = "Ctrl-C ends the session; the space bar holds."
-            times = lead(RigTeleopPage(session, server), server, note, terminal.leave)
-            say(times.removeprefix("; "))
+        session = RigTeleoperation(
+            recorder,
+            led_by,
+            terminal,
+            episodes=episodes,
+            policy=leading.play(source, recorder),
+            **leading.asked(),
+        )
+        ending.enter_context(session)
+        server = page.serve()
+        ending.callback(server.close)
+        ending.callback(CameraFeed(duo, server).close)
+        note = "Ctrl-C ends the session; the space bar holds, here and on the page."
+        times = lead(RigTeleopPage(session, server), server, note, terminal.leave)
+        say(times.removeprefix("; "))
         data = recorder.data
         kept = 0 if data is None else data.kept(recorder.task)
         say(f"{counted(kept, 'episode')} of {task} in {out}")

@@ -19,6 +19,7 @@ OPTIONS = {
     "num-envs n-envs num-processes": "Episodes are played side by side by --workers 4.",
     "resume continue": "The same command in the same folder goes on where it was stopped.",
     "horizon max-steps": "The task fixes its horizon.",
+    "operator rater": "Who leads is --operator (teleop); who judges is --rater (real eval).",
     "batch-size lr": "Options of lerobot-train come last, after --: -- --batch_size=8.",
 }
 

@@ -6,6 +6,7 @@ import msgspec
 
 from duobench.core.errors import escaped
 from duobench.core.types import SIDES, Side
+from duobench.teleop.messages import Hold
 from duobench.web.messages import PageMessage
 
 LONGEST_TEXT = 300
@@ -60,10 +61,6 @@ class Stage(PageMessage, frozen=True):
 
 class Undo(PageMessage, frozen=True):
     """The latest press that stands is taken back."""
-
-
-class Hold(PageMessage, frozen=True):
-    """Both arms come to rest and are held."""
 
 
 class GiveUp(PageMessage, frozen=True):

@@ -1,6 +1,6 @@
 """Operator at a terminal: messages, questions, and keys that act at once."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from typing import Protocol
@@ -8,28 +8,21 @@ from typing import Protocol
 from duobench.core.errors import DuoBenchError
 from duobench.real.duo import FrankaDuo
 from duobench.real.sessions import messages
+from duobench.real.sessions.preparing import (
+    CARRY,
+    HOME_BUTTON,
+    PLACED_BUTTON,
+    TO_HOME,
+    TO_PLACE,
+    clear,
+    find_hindrance,
+)
 from duobench.real.sessions.session import HELD_BY_OPERATOR, Phase, RigSession, Stopped
+from duobench.teleop.panel import Button
 
 QUIT = "q"
 """Key that ends a session."""
 OPERATOR_LOST = "The operator's terminal is gone."
-FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
-ACTIVATES = (
-    "a: activate the {} gripper again, which may clear it. Take away what is between the fingers, "
-    "which will close and open."
-)
-INACTIVE = (
-    "Not active since it was switched on: the {} gripper. Take away what is between the fingers, "
-    "which will close and open.\na: activate; q: end."
-)
-HOLDING = (
-    "Something is held by the {} hand. Take it, so that it does not drop.\n"
-    "l: open the left hand; r: open the right hand; b: open both; q: end."
-)
-HOME = (
-    "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
-)
-PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
 PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
 WAITING = "The policy does not answer. g: give it up."
 DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
@@ -79,35 +72,25 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
     That is a fault, a gripper that is not active, and what the hands hold. Who has looked presses a
     key for each; any that counts at once holds the fingers.
     """
-    while True:
-        if duo.supervisor.fault is not None:
-            question, acts = (
-                FAULT.format(duo.supervisor.reason),
-                {"r": duo.supervisor.recover},
-            )
-            faulty = duo.hands.to_activate
-            if faulty:
-                question += "\n" + ACTIVATES.format(" and ".join(faulty))
-                acts["a"] = duo.hands.activate
-        elif inactive := duo.hands.inactive:
-            question, acts = (
-                INACTIVE.format(" and ".join(inactive)),
-                {"a": duo.hands.activate},
-            )
-        elif holding := duo.hands.holding:
-            question = HOLDING.format(" and ".join(holding))
-            acts = {side[0]: partial(duo.hands.open, [side]) for side in holding}
-            acts["b"] = partial(duo.hands.open, holding)
-        else:
-            return True
-        key = operator.ask(question, f"{''.join(acts)}{QUIT}")
+    while (hindrance := find_hindrance(duo)) is not None:
+        buttons = {
+            each.key: each for each in hindrance.buttons if each.id != CARRY
+        }  # objects are taken first
+        key = operator.ask(asking(hindrance.todo, buttons), f"{''.join(buttons)}{QUIT}")
         if key == QUIT:
             return False
         try:
             with listening(operator, partial(hold_by_key, duo)):
-                acts[key]()
+                clear(duo, buttons[key].message)
         except DuoBenchError as error:  # it is asked again, with what is still wrong
             operator.say(str(error))
+    return True
+
+
+def asking(todo: str, buttons: Mapping[str, Button]) -> str:
+    """Question at a terminal: what is to be done, and the keys of the buttons."""
+    keys = [f"{key}: {each.words}" for key, each in buttons.items()]
+    return f"{todo}\n{'; '.join(keys)}; {QUIT}: end."
 
 
 def hold_by_key(duo: FrankaDuo, key: str) -> bool:
@@ -153,16 +136,20 @@ class TerminalView:
                 raise Stopped
             if session.phase is Phase.READY:
                 return messages.PlaceAgain()
-            self._ask(HOME, "h")
+            self._press(TO_HOME, HOME_BUTTON)
             return self._confirmed(messages.Home())
         if session.phase is Phase.PLACING:
-            self._ask(PLACE.format(self.placing), "p")
+            self._press(f"{self.placing}\n{TO_PLACE}", PLACED_BUTTON)
             return messages.Placed()
         return self._confirmed(messages.Start())
 
     def moving(self) -> AbstractContextManager[None]:
         """Keys count at once."""
         return listening(self._operator, self._take)
+
+    def _press(self, todo: str, button: Button) -> None:
+        """Wait until the operator presses a button."""
+        self._ask(asking(todo, {button.key: button}), button.key)
 
     def _confirmed(self, message: messages.Message) -> messages.Message:
         """A message that has the operator's word with it."""

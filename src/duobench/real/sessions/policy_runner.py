@@ -132,6 +132,8 @@ class PlayedEpisode:
     """Number of times that the arms rested for a late image."""
     ended_by_success: bool = False
     """Whether the press of the last stage ended it."""
+    has_begun: bool = True
+    """Whether a command of the policy found arms that could follow it, or the policy failed."""
 
     @property
     def invalid(self) -> str:
@@ -178,7 +180,7 @@ class PolicyRunner:
     ) -> PlayedEpisode:
         """Play an episode, with options of the reset, the layout among them."""
         self.env.options = options
-        ending = _LastStep()
+        ending, before = _LastStep(), self._duo.followed
         error = failure = None
         try:
             rollout(
@@ -192,10 +194,6 @@ class PolicyRunner:
         except DuoBenchError as caught:
             failure = caught
         kind, stopped = ending.info.get(FAULT_KIND), ending.info.get(TRUNCATION_REASON)
-        if (
-            failure is not None and (fault := self._duo.fault) is not None
-        ):  # on the way home
-            kind, stopped = fault.kind, failure
         return PlayedEpisode(
             steps=ending.number,
             stopped=str(stopped or ""),
@@ -204,6 +202,7 @@ class PolicyRunner:
             failure=failure,
             waits=int(ending.info.get(WAITS, 0)),
             ended_by_success=ending.terminated,
+            has_begun=error is not None or self._duo.followed > before,
         )
 
     def keep(self, labels: StageLabels, *, holds: bool) -> None:

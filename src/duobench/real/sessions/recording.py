@@ -196,11 +196,15 @@ class RigRecording(RigSession):
         seed = episode_seed(self.env.task, number, TRAIN)
         self._layout = layout = next(self.env.base.definition.layouts(seed, TRAIN))
         self._terminal.placing = placement(layout)
-        self.place()
-        self.env.next_name = f"{number:05d}"
-        played = self.play(self._runner, seed, {**self._options, LAYOUT: layout})
-        if isinstance(played.failure, OutputError):
-            raise played.failure
+        while True:
+            self.place()
+            self.env.next_name = f"{number:05d}"
+            played = self.play(self._runner, seed, {**self._options, LAYOUT: layout})
+            if isinstance(played.failure, OutputError):
+                raise played.failure
+            if played.has_begun:
+                break
+            self.env.discard()
         error = str(played.error or played.failure or "")
         if error:
             self.env.finish(kept=False, reason=error)

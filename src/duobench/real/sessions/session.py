@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from typing import Any, Protocol
 
 import gymnasium as gym
@@ -22,8 +23,19 @@ from duobench.real.duo import FrankaDuo
 from duobench.real.judge import HumanJudge
 from duobench.real.sessions import messages
 from duobench.real.sessions.policy_runner import PlayedEpisode, PolicyRunner
+from duobench.real.sessions.preparing import (
+    HOME,
+    HOME_BUTTON,
+    PLACED_BUTTON,
+    READY,
+    STEPS,
+    TO_HOME,
+    clear,
+    find_hindrance,
+)
 from duobench.real.sessions.trials_folder import LogKind
 from duobench.results.labels import StageLabel
+from duobench.teleop.panel import Button, Panel
 
 HELD_BY_OPERATOR = "The operator held the arms."
 CONNECTION_LOST = "The operator's page lost its connection."
@@ -32,6 +44,9 @@ STOPPED = "The session was stopped."
 CUT_SHORT = (
     "The press of the last stage ended this episode, and was taken back: the policy was cut short. "
     "Press it again, or mark the trial as invalid."
+)
+NOT_BEGUN = (
+    "Nothing was played, and nothing counts. Start again once it is set right: {}"
 )
 NEVER_COUNTS = "This cannot count: say why the arms stopped."
 
@@ -53,6 +68,31 @@ class Phase(StrEnum):
     """All episodes are played."""
 
 
+PLAYED, JUDGED = "Start", "Judged?"
+"""Last steps of an episode that a policy plays."""
+_TITLES = {
+    Phase.PLACING: "Place the objects",
+    Phase.READY: "Ready",
+    Phase.MOVING: "The arms move",
+    Phase.PLAYING: "The policy plays",
+    Phase.JUDGING: "Judge the trial",
+    Phase.OVER: "All trials are played",
+}
+_TODOS = {
+    Phase.PLACING: "Put each object where its outline is, then press Placed.",
+    Phase.READY: "Step back. The arms move once you start the policy.",
+    Phase.MOVING: "Home, slowly, or their fingers. Stay away from them.",
+    Phase.PLAYING: "Press the number of each stage when it is reached.",
+    Phase.JUDGING: "The arms are held. Correct what is wrong, then close the trial.",
+    Phase.OVER: "",
+}
+_AGAIN = Button(id="place_again", words="Place again", message=messages.PlaceAgain())
+_START = Button(id="start", words="Nobody is near: start", message=messages.Start())
+_GIVE_UP = Button(
+    id="give_up",
+    words="The policy does not answer: give it up",
+    message=messages.GiveUp(),
+)
 _LABELS = (messages.Stage, messages.Undo)
 _PLACING = (messages.Home, messages.Activate, messages.Open, messages.Recover)
 _ALLOWED: dict[Phase, tuple[type, ...]] = {
@@ -112,10 +152,60 @@ class RigSession:
         """Reasons to choose from where the arms stopped and the episode cannot count."""
         self.waits = False
         """Whether the policy has not answered for long, so that it may be given up."""
+        self._moves = 0  # index of the step at which arms or fingers move
         self._asked: InterruptiblePolicy | None = None  # in the episode that is played
         self._over = threading.Event()
 
     # --- from any thread -------------------------------------------------------------------------
+
+    @property
+    def panel(self) -> Panel:
+        """Steps of an episode, and what may be pressed now."""
+        now, todo, buttons = self._step()
+        if self.waits:
+            buttons = (*buttons, _GIVE_UP)
+        return Panel(
+            steps=(*STEPS, PLAYED, JUDGED),
+            now=now,
+            title=_TITLES[self.phase],
+            todo=todo,
+            buttons=buttons,
+            can_hold=self.phase in {Phase.MOVING, Phase.PLAYING},
+        )
+
+    def _step(self) -> tuple[int, str, tuple[Button, ...]]:
+        """Index of the present step, what is to be done, and its buttons."""
+        todo, start = _TODOS[self.phase], len(STEPS)
+        match self.phase:
+            case Phase.PLACING | Phase.READY:
+                return self._step_before()
+            case Phase.MOVING:
+                return self._moves, todo, ()
+            case Phase.PLAYING:
+                return start, todo, ()
+            case Phase.JUDGING:
+                return start + 1, todo, ()
+            case Phase.OVER:
+                return start + 2, todo, ()
+
+    def _step_before(self) -> tuple[int, str, tuple[Button, ...]]:
+        is_ready = self.phase is Phase.READY
+        hindrance = find_hindrance(self.duo)
+        if hindrance is not None:
+            why_not = hindrance.why_not
+            home, start = (
+                replace(each, why_not=why_not) for each in (HOME_BUTTON, _START)
+            )
+            then = _AGAIN if is_ready else PLACED_BUTTON
+            return 0, hindrance.todo, (*hindrance.buttons, home, then, start)
+        if is_ready:
+            buttons = (replace(_START, is_next=True), _AGAIN, HOME_BUTTON)
+            return len(STEPS), _TODOS[self.phase], buttons
+        home = replace(HOME_BUTTON, is_next=not self.is_home)
+        placed = replace(PLACED_BUTTON, is_next=self.is_home)
+        if self.is_home:
+            return 2, _TODOS[self.phase], (placed, home)
+        return 1, TO_HOME, (home, placed)
 
     @property
     def is_stopped(self) -> bool:
@@ -228,9 +318,12 @@ class RigSession:
         options: dict[str, Any],
         *watchers: Watcher,
     ) -> PlayedEpisode:
-        """Let a policy play; the arms are held afterwards."""
+        """Let a policy play; the arms are held afterwards.
+
+        One that did not come to its first command leaves the session ready to start again.
+        """
         self.write(LogKind.START)
-        self.phase = Phase.MOVING
+        self.phase, self._moves = Phase.MOVING, len(STEPS)
         self.message = ""
         self.lost = ""
         self.view.publish()
@@ -241,6 +334,9 @@ class RigSession:
         fault = self.duo.fault
         if played.failure is not None and fault is not None:
             played = replace(played, fault=fault.kind)
+        if not played.has_begun:
+            self._wait_again(self.lost or played.stopped or str(played.failure))
+            return played
         failure = "" if played.failure is None else played.invalid
         self.write(
             LogKind.END,
@@ -250,6 +346,13 @@ class RigSession:
             fault=played.fault,
         )
         return played
+
+    def _wait_again(self, reason: str) -> None:
+        """Go back to where the operator starts the policy: nothing of it was played."""
+        self.write(LogKind.NOT_BEGUN, text=reason)
+        self.judge.begin()
+        self.phase, self.lost, self.is_home = Phase.READY, "", False
+        self.message = NOT_BEGUN.format(reason)
 
     def _wait(self) -> None:
         if self.is_stopped:
@@ -318,9 +421,11 @@ class RigSession:
             case messages.Home(with_object=with_object):
                 self._go_home(with_object)
             case messages.Activate():
-                self._move(self.duo.hands.activate, "The grippers are active.")
-            case messages.Open(hands=hands):
-                self._move(lambda: self.duo.hands.open(hands), "Opened.")
+                self._move(
+                    partial(clear, self.duo, message), "The grippers are active."
+                )
+            case messages.Open():
+                self._move(partial(clear, self.duo, message), "Opened.")
             case _:
                 pass
 
@@ -334,11 +439,12 @@ class RigSession:
             self.duo.home(with_object=with_object)
             self.duo.supervisor.revoke()  # people's hands are among the objects now
 
-        self.is_home = self._move(home, "The arms are at home.")
+        self.is_home = self._move(home, "The arms are at home.", HOME)
 
-    def _move(self, act: Callable[[], None], done: str) -> bool:
+    def _move(self, act: Callable[[], None], done: str, step: str = READY) -> bool:
         """Move arms or fingers while objects are placed; return whether it was done."""
         before, self.phase = self.phase, Phase.MOVING
+        self._moves = STEPS.index(step)
         self.view.publish()
         with self.view.moving():
             is_done = self._try(act)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from duobench.core.types import CONTROL_HZ, Array, Side
+from duobench.core.types import CONTROL_HZ, Array
 from duobench.core.video import jpeg
 from duobench.printing.sheet import Mark, marks_of
 from duobench.real.sessions import messages
@@ -24,6 +24,7 @@ from duobench.real.sessions.session import (
     RigSession,
     Stopped,
 )
+from duobench.teleop.messages import ANYONE
 from duobench.web.server import PageServer
 from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.world.sim.layout import Layout
@@ -81,7 +82,7 @@ class StatusPage:
                 TAKEN_OVER if gives_way else CONNECTION_LOST
             ),
             WATCHING,
-            anyone=(messages.Hold,),
+            anyone=ANYONE,
         )
 
     # --- what a session shows --------------------------------------------------------------------
@@ -126,7 +127,7 @@ class StatusPage:
                 "at_end": session.at_end,
                 "waits": session.waits,
                 "fault": None if fault is None else fault.text,
-                "hands": self._hands(),
+                "panel": session.panel.to_json(),
                 "image_size": [NATIVE_WIDTH, NATIVE_HEIGHT],
                 "images": self._images,
                 "film": self._film,
@@ -192,13 +193,6 @@ class StatusPage:
             self.publish()
         else:
             self._inbox.put(message)
-
-    def _hands(self) -> dict[str, list[Side]]:
-        """Grippers that need activation, and grippers that hold something."""
-        if self._session.phase not in {Phase.PLACING, Phase.READY}:
-            return {"inactive": [], "holding": []}
-        hands = self._session.duo.hands
-        return {"inactive": [*hands.to_activate], "holding": [*hands.holding]}
 
     def _show_placing(self) -> None:
         """Show the live image, and the layout over it; the ghost again once an arm has moved."""

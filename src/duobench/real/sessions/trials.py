@@ -219,11 +219,15 @@ class TrialsSession(RigSession):
             f"sheet-{trial.episode}", layout_sheet(self._overlay.task, layout, name)
         )
         self.write(LogKind.BEGIN, text=self._plan.letter(trial.policy))
-        self.place()
-        recorder = EpisodeRecorder(episode)
-        film = Film(self.duo, self._server.publish_frame)
         runner = self._runners[trial.policy]
-        played = self.play(runner, episode.seed, {LAYOUT: layout}, recorder, film)
+        while True:
+            self.place()
+            recorder = EpisodeRecorder(episode)
+            film = Film(self.duo, self._server.publish_frame)
+            played = self.play(runner, episode.seed, {LAYOUT: layout}, recorder, film)
+            if played.has_begun:
+                break
+            runner.forget()
         name = f"{trial.number}.{self._attempt}"
         invalid_film = self._folder.invalid_film(trial.number, self._attempt)
         video = film.video()

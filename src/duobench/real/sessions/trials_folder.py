@@ -53,6 +53,8 @@ class LogKind(StrEnum):
     PRESS = "press"
     """A stage was pressed, or a press taken back."""
     HOLD = "hold"
+    NOT_BEGUN = "not_begun"
+    """The arms were held before the policy's first command: it may be started again."""
     END = "end"
     """The policy plays no more."""
     AT_END = "at_end"
@@ -132,6 +134,8 @@ class TrialsProgress:
                     fault = entry.fault
                 case LogKind.START:
                     progress.cut = entry.trial, entry.attempt
+                case LogKind.NOT_BEGUN:
+                    labels, progress.cut = StageLabels(), None
                 case LogKind.VALID:
                     progress.valid[entry.trial], progress.cut = entry.attempt, None
                     progress.presses[entry.trial] = [

@@ -106,7 +106,8 @@ class LeaderDevice:
         )
 
     def let_go(self) -> None:
-        """Leaders lead as long as they answer."""
+        """Leaders lead as long as they answer; what is between them and the arms fades again."""
+        self._is_following = False
 
     def take(self, message: Message, arrival_s: float) -> None:
         """Hands on a page move nothing while leader arms lead."""
@@ -116,6 +117,10 @@ class LeaderDevice:
 
     def is_away(self, now_s: float) -> bool:  # noqa: ARG002
         """Never: where leaders do not answer, the robot stays where it is."""
+        return False
+
+    def is_squeezed_anew(self, now_s: float) -> bool:  # noqa: ARG002
+        """Never: leader arms have no clutch to let go of."""
         return False
 
     def prompt(self, now_s: float) -> str | None:

@@ -47,6 +47,12 @@ const KEYS = [
     shown: "Q, E",
     does: "turn it about the vertical",
   },
+  { shown: "Space", does: "hold: both hands let go, both arms stand still" },
+  {
+    shown: "1 to 9, U",
+    does: "this stage is reached; take the latest one back",
+    on: DEMONSTRATIONS,
+  },
   { act: "fine", keys: { c: "" }, shown: "C, held", does: "a quarter of every motion" },
   {
     act: "grip",

@@ -8,11 +8,14 @@ export class Judging {
   onUndo = () => {};
   isOpen = false;
   #page;
+  #undo;
   #words = "";
   #buttons = [];
 
-  constructor(page) {
+  /** `undo` is the key that takes the latest press back. */
+  constructor(page, { undo = "Backspace" } = {}) {
     this.#page = page;
+    this.#undo = undo;
     page.querySelector("#undo").addEventListener("click", () => this.isOpen && this.onUndo());
     page.addEventListener("keydown", (event) => this.#press(event));
   }
@@ -61,7 +64,7 @@ export class Judging {
     if (event.repeat) return;
     const stage = /^[1-9]$/.test(event.key) ? Number(event.key) : 0;
     if (stage >= 1 && stage <= this.#buttons.length) this.onStage(stage);
-    else if (event.key === "Backspace") this.onUndo();
+    else if (event.key === this.#undo) this.onUndo();
     else return;
     event.preventDefault();
   }

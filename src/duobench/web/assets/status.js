@@ -1,17 +1,11 @@
 // What the server says, in words: episode, stages, who drives, what can be chosen.
 
 import { Chips, make, Timeline } from "./controls.js";
+import { letHold, Panel } from "./panel.js";
 
-const STATES = {
-  waiting: "Waiting for the first move",
-  recording: "Recording",
-  success: "Success",
-  decide: "Keep or discard?",
-  preparing: "The next layout is prepared",
-  over: "Over",
-  playing: "Playing",
-  paused: "Paused",
-};
+const STATES = { playing: "Playing", paused: "Paused" }; // where no panel says it
+
+const JUDGED = ["recording", "success", "paused", "decide"]; // where stages are declared
 const WORLD = {
   led: "runs as you lead",
   resting: "runs until all is at rest",
@@ -19,7 +13,6 @@ const WORLD = {
   standing: "stands still",
 };
 const RUNNING = ["recording", "success"]; // where it can
-const DISCARDED = ["recording", "success", "decide", "paused"]; // where it may be
 
 /** Fills the page; `tell` sends a message to the server. */
 export class Status {
@@ -27,6 +20,8 @@ export class Status {
   latency = () => null;
   #page;
   #tell;
+  #panel;
+  #judging = null; // what takes stages, once it was loaded
   #chips;
   #timeline;
   #last = {};
@@ -44,7 +39,9 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of ["keep", "discard", "restore", "alone", "why"]) {
+    this.#panel = new Panel(page, tell);
+    letHold(this.#part("#hold"), tell, () => this.#last.panel?.can_hold);
+    for (const kind of ["alone", "why"]) {
       this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
     }
     this.#part("#drive").addEventListener("click", () => {
@@ -71,16 +68,18 @@ export class Status {
   show(status) {
     this.#last = status;
     if (this.#isDriver) this.#name = status.operator ?? null;
-    const { title, task, instruction, next, state, note, success, pace } = status;
+    const { title, task, instruction, next, state, note, success, pace, panel } = status;
     const stands = state === "recording" && pace === "standing";
     const name = title ?? task;
     if (name) document.title = `${name} · DuoBench`;
     this.#write("h1", name ?? "DuoBench");
     this.#write(".instruction", instruction);
     this.#write(".next", next && `Next: ${next}`);
-    this.#write(".state", stands ? "Standing still: lead on" : (STATES[state] ?? state));
+    const words = panel?.title ?? STATES[state] ?? state;
+    this.#write(".state", stands ? "Standing still: lead on" : words);
     this.#part(".state").dataset.state = success ? "success" : stands ? "" : (state ?? "");
-    this.#write(".note", note);
+    this.#write(".note", panel?.todo ?? note);
+    this.#part("#holding").hidden = !panel;
     this.#showStages(status);
     this.#showFacts(status);
     this.#showTimeline(status);
@@ -200,7 +199,7 @@ export class Status {
   #showDriving() {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
-    const { state, wording = "", operator, operators = [], discarded = 0 } = this.#last;
+    const { state, wording = "", operator, operators = [], panel } = this.#last;
     const you = operator ? `You drive as ${operator}` : "You drive";
     const other = drivers ? `${this.#other} drives` : "Nobody drives";
     const driving = role === "driver" ? you : other;
@@ -214,10 +213,8 @@ export class Status {
     const isTaken = !this.#isDriver && this.#role?.drivers > 0;
     drive.hidden = this.#isDriver;
     drive.textContent = isTaken ? "Take over" : "Drive";
-    this.#part("#restore").hidden = !this.#isDriver || !discarded;
-    const keep = this.#part("#keep");
-    keep.hidden = !this.#isDriver || !this.#last.may_keep;
-    keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
+    if (panel) this.#panel.show(panel, this.#isDriver);
+    this.#showJudging();
     const alone = this.#part("#alone");
     alone.hidden = !this.#isDriver || !this.#last.pace || !RUNNING.includes(state);
     const { policy } = this.#last;
@@ -225,7 +222,6 @@ export class Status {
     const isOn = policy ? policy.is_paused : this.#last.alone;
     alone.setAttribute("aria-pressed", String(Boolean(isOn)));
     this.#part("#why").hidden = alone.hidden || !policy?.is_explainable;
-    this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
     this.#part("#wording").hidden = !this.#isDriver;
     this.#fill("#wording input", wording);
     this.#part("#who").hidden = operator === undefined;
@@ -245,6 +241,22 @@ export class Status {
   /** The name of somebody else who drives, where the server says it. */
   get #other() {
     return this.#last.operator || "Another page";
+  }
+
+  /** Stages that a person declares; what takes them is loaded only where one does. */
+  async #showJudging() {
+    if (!this.#last.presses) return;
+    if (!this.#judging) {
+      this.#judging = import("./judging.js");
+      const { Judging } = await this.#judging;
+      this.#judging = new Judging(this.#page, { undo: "u" });
+      this.#judging.onStage = (stage) => this.#tell({ kind: "stage", stage });
+      this.#judging.onUndo = () => this.#tell({ kind: "undo" });
+    }
+    if (!this.#judging.show) return; // it still loads
+    this.#judging.isOpen = this.#isDriver && JUDGED.includes(this.#last.state);
+    this.#part("#judging").hidden = !this.#judging.isOpen;
+    this.#judging.show(this.#last);
   }
 
   #part(selector) {

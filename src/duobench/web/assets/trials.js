@@ -4,35 +4,21 @@ import { Connection } from "./connection.js";
 import { make } from "./controls.js";
 import { Judging } from "./judging.js";
 import { Overlay } from "./overlay.js";
+import { letHold, Panel } from "./panel.js";
 
 const ALIVE_MS = 500; // the arms are held where this page is silent for longer
-const PHASES = {
-  placing: ["Place the objects", "Put each object where its outline is, then press Placed."],
-  ready: ["Ready", "Step back. The arms move once you start the policy."],
-  moving: ["The arms move", "Home, slowly, or their fingers. Stay away from them."],
-  playing: ["The policy plays", "Press the number of each stage when it is reached."],
-  judging: ["Judge the trial", "The arms are held. Correct what is wrong, then close the trial."],
-  over: ["All trials are played", "The names of the policies stand in the table."],
-};
 const REASONS = [
   "The objects were placed wrongly.",
   "A person came into the way.",
   "An object broke or was missing.",
   "The light changed.",
 ];
-const BUTTONS = {
-  home: ["placing", "ready"],
-  placed: ["placing"],
-  place_again: ["ready"],
-  start: ["ready"],
-};
-const KINDS = ["hold", "home", "activate", "placed", "place_again", "start", "recover", "give_up"];
-
 /** The page. */
 class Trials {
   #connection = Connection.home();
   #overlay = new Overlay(document);
   #judging = new Judging(document);
+  #panel = new Panel(document, (message) => this.#connection.tell(message));
   #status = null;
   #trial = "";
   #isDriver = false;
@@ -57,13 +43,6 @@ class Trials {
     setInterval(() => this.#isDriver && this.#tell("alive"), ALIVE_MS);
     this.#judging.onStage = (stage) => this.#tell("stage", { stage, ...this.#moment });
     this.#judging.onUndo = () => this.#tell("undo");
-    part("#open_left").addEventListener("click", () => this.#tell("open", { hands: ["left"] }));
-    part("#open_right").addEventListener("click", () => this.#tell("open", { hands: ["right"] }));
-    part("#open_both").addEventListener("click", () => this.#tell("open"));
-    part("#carry").addEventListener("click", () => this.#tell("home", { with_object: true }));
-    for (const kind of KINDS) {
-      part(`#${kind}`).addEventListener("click", () => this.#tell(kind));
-    }
     part("#closing").addEventListener("submit", (event) => {
       event.preventDefault();
       this.#tellNote();
@@ -84,8 +63,8 @@ class Trials {
     for (const choice of document.querySelectorAll("[name=holds]")) {
       choice.addEventListener("change", () => this.#tell("at_end", { holds: choice.value === "yes" }));
     }
-    document.addEventListener("keydown", (event) => this.#hold(event), true);
-    document.addEventListener("keyup", (event) => this.#isHoldKey(event) && stop(event), true);
+    const tell = (message) => connection.tell(message);
+    letHold(part("#hold"), tell, () => this.#status?.panel.can_hold);
     part(".role").addEventListener("click", (event) => {
       if (event.target.matches("button")) this.#tell("take_over");
     });
@@ -98,17 +77,6 @@ class Trials {
   #tellNote() {
     const text = part("#note").value.trim().replace(/\s+/g, " ");
     if (text !== (this.#status?.note ?? "")) this.#tell("note", { text });
-  }
-
-  /** The space bar holds while arms may move, whatever has the focus. */
-  #isHoldKey(event) {
-    return event.key === " " && ["moving", "playing"].includes(this.#status?.phase);
-  }
-
-  #hold(event) {
-    if (!this.#isHoldKey(event)) return;
-    stop(event);
-    this.#tell("hold");
   }
 
   #receive(message) {
@@ -129,12 +97,10 @@ class Trials {
       `Trial ${trial.number} of ${trial.of}${again} · ${policy} · episode ` +
       `${trial.episode} · ${trial.invalid} invalid so far`;
     write(".where", phase === "over" ? "" : where);
-    const [title, todo] = PHASES[phase];
-    write(".state", title);
-    write(".todo", todo);
+    write(".state", status.panel.title);
+    write(".todo", status.panel.todo);
     write(".instruction", `“${trial.instruction}”`);
     write(".note", status.message);
-    write(".hands", handsInWords(status.hands));
     write(".problem", status.fault && `Fault: ${status.fault}`);
     write(".clock", `${status.time_s.toFixed(1)} s · step ${status.step} of ${status.horizon}`);
     this.#showReasons(status.reasons.length ? status.reasons : REASONS);
@@ -182,21 +148,9 @@ class Trials {
   /** Show what may be done now, to who may do it. */
   #allow() {
     if (!this.#status) return;
-    const { phase, stage, stages, fault, hands, sheet, film, reasons, waits } = this.#status;
+    const { phase, stage, stages, panel, sheet, film, reasons } = this.#status;
     const isPlacing = ["placing", "ready"].includes(phase);
-    for (const [id, phases] of Object.entries(BUTTONS)) {
-      part(`#${id}`).hidden = !this.#isDriver || !phases.includes(phase);
-    }
-    part("#recover").hidden = !this.#isDriver || !fault || !["placing", "ready"].includes(phase);
-    const { inactive, holding } = hands;
-    const mayHandle = this.#isDriver && isPlacing;
-    part("#activate").hidden = !mayHandle || !inactive.length;
-    for (const side of ["left", "right"]) {
-      part(`#open_${side}`).hidden = !mayHandle || !holding.includes(side);
-    }
-    part("#open_both").hidden = !mayHandle || holding.length < 2;
-    part("#carry").hidden = !mayHandle || fault || holding.length !== 1;
-    part("#give_up").hidden = !this.#isDriver || !waits;
+    this.#panel.show(panel, this.#isDriver);
     const isJudging = this.#isDriver && phase === "judging";
     part("#closing").hidden = part("#spoiled").hidden = !isJudging;
     part("#at-end").hidden = stage !== stages.length;
@@ -293,22 +247,7 @@ function write(selector, text) {
   const element = part(selector);
   const words = text ?? "";
   if (element.textContent !== words) element.textContent = words;
-  if (element.matches(".note, .hands, .problem, .instruction, .variants")) element.hidden = !words;
-}
-
-/** What keeps the arms from going home, and what to do about it. */
-function handsInWords({ inactive, holding }) {
-  const names = (sides) => sides.join(" and ");
-  if (inactive.length) {
-    return `To be activated: the ${names(inactive)} gripper. Take away what is between its fingers: they close and open.`;
-  }
-  if (!holding.length) return "";
-  return `The ${names(holding)} hand holds something. Take it before you open the hand: it drops.`;
-}
-
-function stop(event) {
-  event.preventDefault();
-  event.stopPropagation();
+  if (element.matches(".note, .problem, .instruction, .variants")) element.hidden = !words;
 }
 
 function percent(share) {

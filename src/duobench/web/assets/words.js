@@ -91,8 +91,10 @@ export class Words {
   }
 
   #facts(ms) {
-    const { stage, max_stage: last, state, pace, led_s: led, kept, wanted } = this.status;
+    const { stage, max_stage: last, state, pace, led_s: led, kept, wanted, panel } = this.status;
+    const step = panel && Math.min(panel.now + 1, panel.steps.length);
     const facts = [
+      step && `${step} of ${panel.steps.length}: ${panel.steps[step - 1]}`,
       isSaid(stage) && isSaid(last) && `stage ${stage} of ${last}`,
       pace === "standing" ? "stands still" : state,
       isSaid(led) && `led ${Math.round(led)} s`,

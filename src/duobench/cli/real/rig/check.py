@@ -11,8 +11,10 @@ from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
 from duobench.cli.shared.rigs import known_rig
 from duobench.core.types import ARM_JOINTS, Side
+from duobench.real.addresses import share_subnet
 from duobench.real.guard import Guard
 from duobench.real.rig import ArmConfig, CameraConfig, GripperConfig, Rig
+from duobench.world.robot.cameras import HEAD
 from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 
 
@@ -39,12 +41,20 @@ def described(rig: Rig) -> Iterable[str]:
     yield f"Rig {rig.name}, hash {rig.hash}"
     for side, arm in rig.arms.items():
         yield from _arm(side, arm)
+    addresses = [arm.address for arm in rig.arms.values()]
+    if share_subnet(*addresses):
+        yield (
+            f"Note: both arms are in one subnet, {' and '.join(addresses)}; give each control box "
+            "a network port and a subnet of its own."
+        )
     for side, gripper in rig.grippers.items():
         yield _gripper(side, gripper)
     for name, camera in rig.cameras.items():
         yield _camera(name, camera)
     if not rig.cameras:
         yield "No cameras."
+    elif HEAD not in rig.cameras:
+        yield "Note: no head camera; placing has numbers and footprints alone, and no film."
     if rig.workspace is None:
         yield "Workspace: none; tools go wherever the arms reach."
     else:
