@@ -120,7 +120,7 @@ class PolicyLeader:
             self._intend(wanted)
 
 
-class Leading:
+class SharedControl:
     """Decides each step who leads both arms: the hands, or a policy until they take over.
 
     Without a policy the hands always do. With one, a squeeze takes over, and its release gives back
