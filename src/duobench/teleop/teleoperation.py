@@ -51,7 +51,7 @@ from duobench.teleop.messages import (
 from duobench.teleop.pace import Pace
 from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
 from duobench.teleop.plan import TaskProgress
-from duobench.teleop.policy_leader import Leading, PolicyLeader
+from duobench.teleop.policy_leader import PolicyLeader, SharedControl
 from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.web.messages import SelectItem
 from duobench.world.looks.catalog import DEFAULT
@@ -184,7 +184,7 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
-        self.leading = Leading(env, device, policy)
+        self.leading = SharedControl(env, device, policy)
         """Who leads: the operator or a policy."""
         self.chosen = ""
         """Id of the task that the operator wants to lead next, where the session ends for it."""
