@@ -1,4 +1,4 @@
-"""Every page that moves arms: Space and the red bar hold, whoever looks and whatever is in focus."""
+"""Every page that moves arms: Space and the red bar hold, whoever looks, whatever has the focus."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
-from duobench.real.clock import SystemClock
-from duobench.real.opening import open_rig
+from dev.tools.pages import PHONE
 from duobench.real.sessions.rig_teleoperation import (
     RigTeleoperation,
     RigTeleopPage,
@@ -26,9 +25,9 @@ from duobench.teleop.teleoperation import HELD, Teleoperation, TeleopState, make
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.pages.windows import broken_rules, opened, until
+from tests.real.rigs import new_rig
 from tests.real.sessions import toys
 from tests.real.sessions.operator import ONE, Stand
-from tests.real.simulated import simulated_rig
 from tests.teleop.test_real import PERSON, Keys
 
 HELD_S = 0.5
@@ -108,7 +107,7 @@ def simulation(path: Path) -> Iterator[Session]:
 
 @contextmanager
 def rig(path: Path) -> Iterator[Session]:
-    duo = open_rig(simulated_rig(), SystemClock(), guard=False)
+    duo = new_rig()
     recorder = make_real_recorder(duo, "bin_sort", path, PERSON)
     with (
         closing(recorder),
@@ -173,9 +172,9 @@ def test_space_holds_on_every_page_with_arms(
 ) -> None:
     with ExitStack() as ending:
         session: Session = ending.enter_context(page_of(tmp_path / "out"))  # type: ignore[arg-type]
-        page = ending.enter_context(opened(window, session.url))
+        page = ending.enter_context(opened(window, session.url, PHONE))
         session.begin(page)
-        other = ending.enter_context(opened(window, session.url))
+        other = ending.enter_context(opened(window, session.url, PHONE))
         other.wait_for_selector("#hold:visible")
         until(other, "document.querySelector('.state').textContent != ''")
         assert broken_rules(other) == []
