@@ -45,6 +45,7 @@ DRAWERS: Mapping[str, Drawer] = {
                 "viewing",
                 "teleoperation",
                 "teleoperation_controls",
+                "people",
                 "lerobot_teleoperation",
             ),
             "Train and serve": (

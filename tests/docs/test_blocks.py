@@ -16,7 +16,7 @@ RUN_BY = {
     "tests/docs/test_drawn.py": "looks: python",
     "tests/docs/test_environments.py": "environments: python; reinforcement_learning: python",
     "tests/docs/test_examples.py": "comparison: sh; policies: sh python; "
-    "printing: sh python; scale: bash; serving: python toml; viewing: sh",
+    "printing: sh python; scale: bash; serving: python toml; viewing: sh python",
     "tests/docs/test_first_teleoperation.py": "teleoperation: none",
     "tests/docs/test_real_pages.py": "real_arms: sh python json; real_cameras: python; "
     "real_evaluation: sh; real_recording: sh; real_safety: python; real_setup: sh python",
@@ -29,6 +29,7 @@ RUN_BY = {
     "tests/examples/test_object_states.py": "baselines: sh",
     "tests/lerobot/test_pages.py": "lerobot: sh python; parquet: python",
     "tests/lerobot/test_teleoperation.py": "lerobot_teleoperation: sh",
+    "tests/teleop/test_plan.py": "people: none",
 }
 """Languages of blocks by page, and the test that runs them."""
 WHY = re.compile(r"No test runs")

@@ -26,7 +26,7 @@ from duobench.policy.serving.message_format import read_format
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
 from duobench.tasks import catalog
-from tests.docs.markdown import ROOT, attend, blocks, modules, page_of, run, table
+from tests.docs.markdown import ROOT, attend, blocks, modules, page_of, run, run_python, table
 from tests.policy.training.test_training import export
 from tests.results.outcomes import play
 from tests.web.pages import Page
@@ -276,17 +276,18 @@ def test_table_of_parameters_names_those_of_the_benchmark() -> None:
 
 def look(line: str, folder: Path) -> dict[str, Any]:
     """Run a command, and look at its page until an episode or report is shown; the last status."""
-    seen: list[dict[str, Any]] = []
+    seen: dict[str, dict[str, Any]] = {"status": {}, "items": {}}
     followed = "--follow" in line
 
     def until_shown(page: Page) -> None:
-        while not (seen and seen[-1].get("report" if followed else "instruction")):
-            seen.append(page.hear_of("status"))
+        while not seen["status"].get("report" if followed else "instruction"):
+            message = page.hear()
+            seen[message["kind"]] = message
         if not followed:
             page.frame()
 
     attend(line, folder, until_shown, end=True)
-    return seen[-1]
+    return seen["items"] | seen["status"]
 
 
 @pytest.mark.long
@@ -303,3 +304,7 @@ def test_commands_of_viewing_run(tmp_path: Path) -> None:
     assert shown["data/expert"]["steps"] > 0
     assert shown["--follow"]["run"]["finished"] == 2
     assert [item["state"] for item in shown["runs/expert"]["items"]] == ["success"] * 2
+    (script,) = blocks(VIEWING, "python")
+    run_python(script, tmp_path)
+    log = (tmp_path / "data" / "expert" / "reviews.jsonl").read_text().splitlines()
+    assert [json.loads(line).get("undo", False) for line in log] == [False, True]

@@ -51,8 +51,12 @@ def exported(data: DataSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_columns_are_those_that_were_written(exported: Path, recordings: list[Recording]) -> None:
+def test_columns_are_those_that_were_written(
+    data: DataSet, exported: Path, recordings: list[Recording]
+) -> None:
     """What is written is what was recorded: tests/data/test_lerobot.py."""
+    from lerobot.utils.feature_utils import dataset_to_policy_features
+
     dataset, folder, row = load(exported), ExportFolder(exported), 0
     assert (dataset.num_episodes, dataset.num_frames) == (len(LENGTHS), sum(LENGTHS))
     assert dataset.fps == CONTROL_HZ
@@ -63,6 +67,13 @@ def test_columns_are_those_that_were_written(exported: Path, recordings: list[Re
                 np.testing.assert_array_equal(item[name].numpy(), value, err_msg=name)
             assert item["task"] == recording.info.instruction
             row += 1
+    names = [path.relative_to(data.path).as_posix() for path in data.episodes()]
+    assert list(dataset.meta.episodes["recording"]) == names
+    assert set(dataset_to_policy_features(dataset.meta.features)) == {
+        "observation.state",
+        "action",
+        *(f"observation.images.{camera}" for camera in POLICY_CAMERAS),
+    }
 
 
 def test_frames_are_those_of_a_fresh_rendering(exported: Path, recordings: list[Recording]) -> None:
@@ -202,6 +213,8 @@ def test_lerobot_merges_it_with_a_set_of_its_own_writer(exported: Path, tmp_path
     merged, single = load(tmp_path / "merged"), load(exported)
     assert merged.num_episodes == len(LENGTHS) + 1
     assert merged.num_frames == sum(LENGTHS) + 5
+    names = list(merged.meta.episodes["recording"])
+    assert names[: len(LENGTHS)] == list(single.meta.episodes["recording"])
     for row in (0, LENGTHS[0], sum(LENGTHS) - 1):
         one, two = single[row], merged[row]
         for key in ("action", *(f"observation.images.{camera}" for camera in POLICY_CAMERAS)):

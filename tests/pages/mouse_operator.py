@@ -51,7 +51,7 @@ class MouseOperator:
         right = np.cross(self._forward, (0.0, 0.0, 1.0))
         self._right = right / length(right)
         self._up = np.cross(self._right, self._forward)
-        scene = led.page.locator("canvas")
+        scene = led.page.locator("canvas").first
         scene.scroll_into_view_if_needed()
         box = scene.bounding_box()
         assert box

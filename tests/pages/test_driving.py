@@ -527,7 +527,7 @@ def test_the_board_says_a_latency_that_was_measured_and_no_other(page: Operated)
     status = {"kind": "status", "state": "recording", "latency_ms": 18.0, "discarded": 1}
     page.tell(**status)
     page.wait(lambda: page.page.evaluate("parts.headset.lines").count("recording") == 1)
-    assert "Y puts the last one back" in " ".join(page.page.evaluate("parts.headset.lines"))
+    assert "Y asks about the last one" in " ".join(page.page.evaluate("parts.headset.lines"))
     page.page.evaluate(
         """() => { const { latency } = parts.hands; const sent = performance.now() - 250;
           latency.arrived(sent); latency.drawn((call) => call());  // of another page: none

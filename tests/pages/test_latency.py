@@ -79,7 +79,7 @@ def delayed(port: int) -> Iterator[int]:
 
 def lead(page: Page, seconds: float) -> None:
     """Drag the tool to and fro."""
-    box = page.locator("canvas").bounding_box()
+    box = page.locator("canvas").first.bounding_box()
     assert box
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)

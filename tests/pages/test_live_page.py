@@ -220,14 +220,14 @@ def test_the_operator_is_chosen_on_the_page_and_takes_the_name_along(
         other.get_by_role("button", name="Take over").click()
         wait_for(other, shown, Operator("P08"))
         shown.server.publish_status(DRIVEN | people | {"operator": "P08"})
-        until(page, "document.querySelector('.role').textContent.startsWith('Somebody drives as')")
+        until(page, "document.querySelector('.role').textContent.startsWith('P08 drives')")
         page.get_by_role("button", name="Take over").click()
         wait_for(page, shown, Operator("P07"))
 
 
 _MODULE = "text/javascript"
 _INPUTS = """export const startInputs = () => ({
-  headset: { isWorn: false }, hands: { latency: { ms: null, arrived() {}, drawn() {} } } });"""
+  headset: { isWorn: false }, hands: { sides: [], latency: { ms: null, arrived() {}, drawn() {} } } });"""
 
 
 def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
@@ -239,7 +239,7 @@ def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
     page.get_by_role("button", name="Drive").click()
     page.get_by_role("button", name="Left arm").click()
     wait(page, lambda: len(hands()) > 3)
-    box = page.locator("canvas").bounding_box()
+    box = page.locator("canvas").first.bounding_box()
     assert box
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(*middle)

@@ -21,6 +21,8 @@ from tests.real.sessions.operator import POLICIES, STEPS, Stand, records
 from tests.web.pages import wait_until
 
 LAST = 5
+SMALLEST = 14
+"""Height in pixels of a number on a footprint that can be read."""
 
 
 class Led:
@@ -76,6 +78,10 @@ def test_no_rule_of_accessibility_is_broken(window: Browser, led: Led, view: Vie
         shown(page, "#placed")
         until(page, "document.querySelector('#layout').naturalWidth == 1280")
         assert page.evaluate("document.documentElement.scrollWidth") == view.width
+        numbers = page.locator("#outlines text").evaluate_all(
+            "(all) => all.map((text) => text.getBoundingClientRect().height)"
+        )
+        assert min(numbers) > SMALLEST
         assert broken_rules(page) == []
         start(page)
         assert broken_rules(page) == []

@@ -82,7 +82,7 @@ def until(page: Page, expression: str) -> None:
 def picture(page: Page) -> NDArray[np.int16]:
     """What the canvas shows (height, width, 3), after it was drawn."""
     page.evaluate("() => new Promise((r) => requestAnimationFrame(() => requestAnimationFrame(r)))")
-    with Image.open(io.BytesIO(page.locator("canvas").screenshot())) as image:
+    with Image.open(io.BytesIO(page.locator("canvas").first.screenshot())) as image:
         return np.asarray(image.convert("RGB")).astype(np.int16)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -14,11 +15,14 @@ import pytest
 from duobench.cli import main
 from duobench.core.errors import FabricationError, LockedError
 from duobench.core.files import locked
+from duobench.core.randomness import episode_seed
 from duobench.envs import RandomizedReset
 from duobench.envs.sim_env import SimEnv
 from duobench.printing import layout_sheet, write_prints
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
+from duobench.world.sim.placement import first_valid
+from duobench.world.sim.simulation import Simulation
 from tests.evaluation.processes import wait_until
 
 THEIRS = """
@@ -111,6 +115,37 @@ def test_a_task_and_a_variant_that_there_is_not_are_errors(
     tmp_path: Path, words: str, message: str
 ) -> None:
     assert message in failure(tmp_path / "new", *words.split())
+
+
+def test_an_evaluation_says_which_mazes_it_asks_for_and_what_to_buy(tmp_path: Path) -> None:
+    trials = 4
+    task = catalog.get("ball_maze")
+    simulation = Simulation(task.props, task.overview)
+    asked = {
+        first_valid(simulation, task.layouts(episode_seed(task.id, index)), task.id).variants[
+            "board"
+        ]
+        for index in range(trials)
+    }
+    written = printed(tmp_path, "ball_maze", "--trials", str(trials))
+    floors = {name for name in written if "floor" in name and name.endswith(".stl")}
+    assert len(floors) == len(asked) > 1
+    page = written["README.md"].decode()
+    assert f"the first {trials} episodes" in page
+    for maze in asked:
+        assert f"| ball_maze: board | {maze} |" in page
+    assert "square of red film" in page
+    assert "square of green film" in page
+    (recipe,) = (json.loads(text) for name, text in written.items() if name.endswith("recipe.json"))
+    for part in recipe["parts"]:
+        grams = sum(part["filament_g"].values())
+        if part["mass_g"] is not None:
+            assert grams == pytest.approx(part["mass_g"][1], abs=0.3)
+        for colour in part["filament_g"]:
+            assert f"| {colour} | " in page
+    assert "without --variants" in failure(
+        tmp_path / "new", "ball_maze", "--trials", "2", "--variants", "1"
+    )
 
 
 def test_two_writers_do_not_mix(tmp_path: Path) -> None:

@@ -165,10 +165,13 @@ def test_a_paused_policy_stands_and_hands_stay_in_charge(room: Room) -> None:
     assert len(rows.info.takeovers) == 1
 
 
-def test_a_hand_that_is_lost_gives_nothing_back(room: Room) -> None:
+@pytest.mark.parametrize("seconds", [0.0, 0.6])
+def test_a_hand_that_is_lost_gives_nothing_back(room: Room, seconds: float) -> None:
+    """It is out of view, or nothing was heard of it for a moment."""
     room.send(0.0)
     room.send(1.0)
-    room.send(1.0, sure=False)
+    room.turn += round(seconds * CONTROL_HZ)
+    room.send(1.0, sure=seconds > 0.0)
     assert room.session.leading.is_paused
     assert room.session.status()["note"] == LOST
     room.send(0.0, turns=2)

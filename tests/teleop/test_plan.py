@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from duobench.tasks import catalog
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.plan import Plan, PlannedSessions
 from duobench.teleop.teleoperation import Teleoperation, TeleopState, make_recorder
+from tests.docs.markdown import page_of, text_of
 from tests.teleop.operator import hand, message
 from tests.teleop.test_session import PERSON, Desk
 from tests.web.pages import Page, open_page
@@ -81,6 +83,25 @@ def test_a_plan_says_tasks_layouts_and_how_often(
     assert (plan.tasks, plan.layouts, plan.times) == expected
 
 
+@pytest.mark.parametrize("page", ["people", "teleoperation"])
+def test_plans_of_pages_are_plans(page: str) -> None:
+    found = re.findall(r"--plan (?:\"([^\"]+)\"|(\S+))", text_of(page_of(page)))
+    assert found
+    for quoted, word in found:
+        assert Plan.parse(quoted or word).layouts > 1
+
+
+def test_in_each_round_of_the_protocol_every_layout_is_led_once(tmp_path: Path) -> None:
+    desk = PlanDesk(tmp_path, "carry_pot x 2 x 2")
+    seen = []
+    for answer in ("discard", "keep", "keep", "keep", "keep"):
+        seen.append(desk.session._info["seed"])
+        desk.take(answer)
+    assert seen == [episode_seed("carry_pot", each, TRAIN) for each in (0, 1, 0, 1, 0)]
+    assert desk.state is TeleopState.OVER
+    desk.plan.__exit__(None)
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
@@ -133,7 +154,14 @@ def test_two_operators_lead_a_plan_and_given_up_layouts_come_back(tmp_path: Path
         ("bin_sort", episode_seed("bin_sort", 0, TRAIN), p08),
         ("bin_sort", episode_seed("bin_sort", 1, TRAIN), PERSON),
     }
-    bins, pots = summarize(DataSet(tmp_path)).tasks
+    summary = summarize(DataSet(tmp_path))
+    takes = {(led.task, led.operator, led.device): led.takes for led in summary.leading}
+    assert takes == {
+        ("bin_sort", "person P07", "mouse"): 1,
+        ("bin_sort", "person P08", "mouse"): 2,  # one was discarded
+        ("carry_pot", "person P07", "mouse"): 2,
+    }
+    bins, pots = summary.tasks
     assert bins.attempted == "3 begun, 2 of them kept"
     assert pots.attempted == "2 begun, 2 of them kept"
     bigger = PlanDesk(tmp_path, "carry_pot x 2 x 2")

@@ -210,6 +210,22 @@ def test_arms_hold_unrecorded_while_nobody_leads_and_go_on_at_once(tmp_path: Pat
     assert find_problems(DataSet(tmp_path)) == []
 
 
+def test_what_is_solved_while_nobody_leads_comes_to_its_end(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, episodes=1)
+    bench.lead(5)
+    for _ in range(100):
+        bench.send()
+    assert bench.session.status()["pace"] == "standing"
+    bench.say("keep")
+    for _ in range(10):
+        bench.send()
+    assert bench.session.state is TeleopState.OVER
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.info.outcome is not None
+    assert episode.info.outcome.success
+
+
 def test_arms_that_are_held_while_nobody_leads_end_the_episode(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.lead(5)

@@ -319,7 +319,7 @@ def test_what_falls_is_recorded_until_it_rests(desk: Desk) -> None:
     step = desk.status("step")
     desk.send(turns=100)
     assert step + 20 < desk.status("step") <= step + 91
-    assert simulation.is_settled
+    assert simulation.is_settled(0.2)
 
 
 def test_the_end_of_the_time_is_said_before_it_comes(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Attempts at episodes of a data set, also at those that it does not hold."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -78,10 +79,17 @@ def of_task(data: DataSet, task: str) -> list[Attempt]:
 
 def _judged(data: DataSet, attempt: Attempt, reviews: Reviews) -> Attempt:
     path = data.episode(attempt.task, f"{attempt.episode:05d}")
-    kept = reviews.of(path).kept if path.exists() else None
+    kept = None
+    with suppress(DataError):  # a file that cannot be read is found elsewhere
+        kept = reviews.of(path).kept if path.exists() else None
     if kept is None or kept == attempt.kept:
         return attempt
     return replace(attempt, kept=kept, error=None if kept else DISCARDED)
+
+
+def led_tasks(data: DataSet) -> list[str]:
+    """Ids of the tasks at which attempts of people were noted, sorted."""
+    return sorted(path.stem for path in (data.path / TAKES).glob("*.json"))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

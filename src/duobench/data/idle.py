@@ -45,7 +45,6 @@ def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     )
     sent = recording.sent / STILL_TARGET
     is_led = recording.clutch.any(axis=1) | _asks(recording)
-    is_led |= recording.is_led_by_policy
     is_led |= (judged[1:] != judged[:-1]).any(axis=1)
     acts = [actor.kind in _ACTING for actor in recording.info.actors]
     is_led |= np.array(acts)[recording.leader]
@@ -67,7 +66,7 @@ def _asks(recording: Recording) -> NDArray[np.bool_]:
     if recording.info.action_mode not in (JOINT_RELATIVE.name, CARTESIAN_RELATIVE.name):
         return np.zeros(len(recording), np.bool_)
     sides = recording.action.reshape(len(recording), len(SIDES), -1)
-    return sides[..., :-1].any(axis=(1, 2))
+    return np.asarray(sides[..., :-1].any(axis=(1, 2)))
 
 
 def _poses(recording: Recording, task: str) -> Array:

@@ -194,12 +194,12 @@ class Recording:
     @staticmethod
     def read_led(path: Path) -> int:
         """Number of actions in which a hand led an arm; of all where nothing says who led."""
-        with _reading(path):
-            names = pq.read_schema(path).names
-            if "clutch" not in names:
-                return Recording.read_length(path)
-            table = pq.read_table(path, columns=["clutch"])
-            clutch = to_numpy(table.column("clutch").combine_chunks()[:-1])
+        with _reading(path), pq.ParquetFile(path) as file:
+            length = file.metadata.num_rows - 1
+            if length < 1 or "clutch" not in file.schema_arrow.names:
+                return length
+            column = file.read(columns=["clutch"]).column("clutch")
+            clutch = to_numpy(column.combine_chunks()[:length])
             return int(clutch.any(axis=1).sum())
 
     def write(self, path: Path) -> None:

@@ -97,6 +97,20 @@ class Judgement:
             )
         return found
 
+    def says(
+        self,
+        *,
+        kept: bool | None = None,
+        note: str | None = None,
+        rows: tuple[int, int] | None = None,
+        undo: bool = False,
+        by: str = "",  # noqa: ARG002 - it is no matter
+    ) -> bool:
+        """Whether it would be the same after a line with these words; see `Reviews.add`."""
+        said = {"kept": kept, "note": note, "rows": rows}
+        news = [name for name, value in said.items() if value is not None]
+        return not undo and all(getattr(self, name) == said[name] for name in news)
+
     def judged(self, info: EpisodeInfo) -> EpisodeInfo:
         """The facts about an episode with this judgement in its outcome.
 

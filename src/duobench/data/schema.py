@@ -185,6 +185,10 @@ class ActorKind(StrEnum):
         return self in (ActorKind.POLICY, ActorKind.EXPERT)
 
 
+PEOPLE = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)
+"""Kinds of actors that lead: a person, or a program in the place of one."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Actor:
     """Actor of an episode."""
@@ -293,10 +297,19 @@ class EpisodeInfo:
         return self.leaders or (self.actor,)
 
     @property
+    def who(self) -> str:
+        """Names of all who led."""
+        return ", ".join(each.name or str(each.kind) for each in self.actors)
+
+    @property
+    def operator(self) -> str:
+        """Name of the first one who led and is no policy; empty without."""
+        return next((each.name for each in self.actors if not each.kind.is_policy), "")
+
+    @property
     def is_led(self) -> bool:
         """Whether a person led in it, or a program in the place of one."""
-        people = (ActorKind.PERSON, ActorKind.SCRIPTED_OPERATOR)
-        return any(actor.kind in people for actor in self.actors)
+        return any(actor.kind in PEOPLE for actor in self.actors)
 
     @property
     def widths(self) -> dict[str, int]:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
 from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
-from duobench.data.attempts import SKIPPED, Attempt, compared, of_task
+from duobench.data.attempts import SKIPPED, Attempt, compared, led_tasks, of_task
 from duobench.data.dataset import DataSet
+from duobench.data.leading import Leading, Take, add_up, takes_without_file
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
 from duobench.data.used_rows import Reason, RowChoice, used_rows
@@ -167,6 +168,8 @@ class Summary:
     """Joint by joint, left then right; none if there is no action."""
     differences: dict[str, str] = field(default_factory=dict)
     """Differences of files from noted attempts, by task, in words."""
+    leading: tuple[Leading, ...] = ()
+    """What operators have led, by task, operator and device."""
 
     @property
     def episodes(self) -> int:
@@ -213,6 +216,10 @@ def summarize(data: DataSet) -> Summary:
     differences = {
         task: words for task, each in compared(data).items() if (words := str(each))
     }
+    led: list[Take | None] = []
+    for task in led_tasks(data):
+        files = {path.stem for path in data.episodes(task)}
+        led += takes_without_file(of_task(data, task), files)
     for task in data.tasks:
         recordings = []
         unused = Counter[Reason]()
@@ -228,6 +235,7 @@ def summarize(data: DataSet) -> Summary:
             reference = data.reference(recording.info)
             rows = used_rows(recording, RowChoice(), reference, within=judgement.rows)
             unused.update(rows.left_out)
+            led.append(Take.of(recording, rows))
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))
@@ -240,7 +248,12 @@ def summarize(data: DataSet) -> Summary:
         raise DataError(f"{data.path} holds no episode.{words}")
     sent = np.concatenate(commands)
     joints = _summarize_joints(names, sent, np.max(speeds, axis=0)) if len(sent) else ()
-    return Summary(tasks=tuple(tasks), joints=tuple(joints), differences=differences)
+    return Summary(
+        tasks=tuple(tasks),
+        joints=tuple(joints),
+        differences=differences,
+        leading=add_up([each for each in led if each is not None]),
+    )
 
 
 def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:

@@ -1,7 +1,7 @@
 """A folder with everything that printing needs: the same choice gives the same bytes."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -18,6 +18,7 @@ from duobench.core.files import (
 )
 from duobench.core.sheets import Paper
 from duobench.core.versions import __version__
+from duobench.printing.details import lines_of
 from duobench.printing.formats import stl_bytes, threemf_bytes
 from duobench.printing.jig import ID as JIG, Foot, placing_jig
 from duobench.printing.parts import ALL_VARIANTS, PrintJob, job_of
@@ -27,8 +28,10 @@ from duobench.printing.recipe import (
     Recipe,
     recipe_of,
     recipe_page,
+    spools,
+    total_filament,
 )
-from duobench.printing.sheet import layout_sheet, neutral_layout
+from duobench.printing.sheet import as_counted, layout_sheet, neutral_layout
 from duobench.tasks.task import Task
 from duobench.world.sim.layout import Layout
 
@@ -48,6 +51,8 @@ class PrintChoice:
     seed: int | None
     """Seed of the layout on the sheets; None for the neutral one."""
     paper: str
+    trials: int = 0
+    """Number of first episodes of an evaluation that decide the variants; 0 for none."""
     foot_mm: tuple[float, float] | None = None
     """Front edge and width of the mount's foot that the jig is for; None without a jig."""
     version: str = __version__
@@ -59,6 +64,7 @@ class PrintChoice:
                 "tasks": ", ".join(each.tasks) or "none",
                 "variants": ", ".join(each.variants) or "by default",
                 "seed": "none" if each.seed is None else each.seed,
+                "trials": each.trials or "none",
                 "paper": each.paper,
                 "foot": each.foot_mm or "none",
                 "version": each.version,
@@ -68,13 +74,14 @@ class PrintChoice:
         return differences(now, before)
 
 
-def write_prints(
+def write_prints(  # noqa: PLR0913 - everything that can be chosen
     folder: Path,
     tasks: Sequence[Task],
     *,
     variants: Sequence[str] = (),
     layouts: Mapping[str, Layout] | None = None,
     seed: int | None = None,
+    episodes: Mapping[str, Sequence[Layout]] | None = None,
     paper: Paper = Paper.A4,
     foot: Foot | None = None,
     progress: Callable[[Recipe], None] = lambda _recipe: None,
@@ -88,6 +95,8 @@ def write_prints(
             the layouts, and without them the first ones.
         layouts: What is on the layout sheets, by the task's id; neutral layouts by default.
         seed: The seed that the layouts come from, for the title of the sheets.
+        episodes: Layouts of the first episodes of an evaluation, by the task's id, which decide the
+            variants.
         paper: What the sheets are printed on.
         foot: The foot of the mount that the jig is for; without one there is no jig.
         progress: Called with each recipe once its folder is written, that of the jig first.
@@ -106,9 +115,15 @@ def write_prints(
     }
     for name in variants:
         check_known("variant", name, {*choices, ALL_VARIANTS})
-    layouts = layouts or {}
+    layouts, episodes = layouts or {}, episodes or {}
+    trials = max(map(len, episodes.values()), default=0)
     jobs = [
-        job_of(task, variants or _variants(task, layouts.get(task.id)))
+        job_of(
+            task,
+            variants
+            or _variants(task, episodes.get(task.id, ()))
+            or _variants(task, [layouts[task.id]] if task.id in layouts else ()),
+        )
         for task in tasks
     ]
     title = "neutral layout" if seed is None else f"layout of seed {seed}"
@@ -116,6 +131,7 @@ def write_prints(
         tasks=ids,
         variants=list(variants),
         seed=seed,
+        trials=trials,
         paper=paper.value,
         foot_mm=foot and (1000 * foot.front, 1000 * foot.width),
     )
@@ -138,7 +154,15 @@ def write_prints(
                 )
             progress(recipes[-1])
         overview = pages.render(
-            "duobench.printing", "prints.md.j2", recipes=recipes, untried=UNTRIED
+            "duobench.printing",
+            "prints.md.j2",
+            recipes=recipes,
+            untried=UNTRIED,
+            trials=trials,
+            asked=list(_asked(tasks, episodes)),
+            filament=total_filament(recipes),
+            spools=spools,
+            lines=lines_of,
         )
         write(folder / "README.md", overview)
 
@@ -156,12 +180,35 @@ def _check_names(ids: list[str]) -> None:
         )
 
 
-def _variants(task: Task, layout: Layout | None) -> list[str]:
-    if layout is None:
-        return []
-    return [
-        layout.variants[prop.choice] for prop in task.props if prop.choice is not None
-    ]
+def _variants(task: Task, layouts: Sequence[Layout]) -> list[str]:
+    """Variants that layouts ask for, each once."""
+    asked = dict.fromkeys(
+        layout.variants[prop.choice]
+        for prop in task.props
+        if prop.choice is not None
+        for layout in layouts
+    )
+    return list(asked)
+
+
+def _asked(
+    tasks: Sequence[Task], episodes: Mapping[str, Sequence[Layout]]
+) -> Iterator[tuple[str, str, list[int]]]:
+    """Yield the variants that episodes ask for: object, variant, and numbers of episodes."""
+    for task in tasks:
+        layouts = episodes.get(task.id, ())
+        for prop in task.props:
+            values = (
+                [] if prop.choice is None else sorted(prop.variants, key=as_counted)
+            )
+            for value in values:
+                numbers = [
+                    number
+                    for number, layout in enumerate(layouts)
+                    if layout.variants[prop.choice or ""] == value
+                ]
+                if numbers:
+                    yield f"{task.id}: {prop.name}", value, numbers
 
 
 def _write_job(folder: Path, job: PrintJob) -> Recipe:

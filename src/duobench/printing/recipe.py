@@ -1,6 +1,9 @@
 """How to print a job: printer, settings, masses, sizes to measure, and how it is put together."""
 
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,8 +13,8 @@ from duobench.printing.details import Dimension, PurchasedPart, lines_of
 from duobench.printing.formats import hex_colour
 from duobench.printing.parts import PrintedPart, PrintJob, lay_out
 from duobench.world.objects.mazes import CELLS, MAZES, Cell
-from duobench.world.objects.shapes import PRINTER
-from duobench.world.objects.solid import PLA_DENSITY
+from duobench.world.objects.shapes import PRINTER, Colour
+from duobench.world.objects.solid import PLA_DENSITY, manifold_from
 
 RECIPE_SCHEMA = 3
 NOZZLE, LAYER, FINE_LAYER = 0.4, 0.2, 0.12
@@ -23,6 +26,8 @@ SPARSE = 0.15
 SOLID_PATTERN, SPARSE_PATTERN = "rectilinear", "grid"
 """Patterns of what is filled, by the names that slicers give them. A pattern has to be named: the
 one that some of them begin with is refused at 100 %."""
+SPOOL_G = 1000.0
+"""Filament on a spool in g."""
 TOLERANCE = 0.05
 """Share by which the mass of what is lifted may be off."""
 
@@ -54,6 +59,8 @@ class PartRecipe:
     mass_g: tuple[float, float, float] | None
     """Mass of one: least, target and most. None where it may weigh anything."""
     dimensions: list[Dimension]
+    filament_g: dict[str, float]
+    """Filament of one in g by colour, without supports; what is not solid is estimated."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -156,7 +163,49 @@ def _part(
             *details.DIMENSIONS.get(key, ()),
             *part.sizes,
         ],
+        filament_g=_filament(part, changes),
     )
+
+
+def _filament(
+    part: PrintedPart, changes: Sequence[tuple[float, Colour]]
+) -> dict[str, float]:
+    """Filament of a part in g by colour, which changes at heights in metres."""
+    whole = manifold_from(part.mesh)
+    top = float(part.size[2])
+    grams: dict[str, float] = {}
+    bounds = [(0.0, part.rgba), *changes, (top, part.rgba)]
+    for (low, rgba), (high, _) in pairwise(bounds):
+        above = whole.trim_by_plane((0.0, 0.0, 1.0), low)
+        slab = above.trim_by_plane((0.0, 0.0, -1.0), -high)
+        kilograms = slab.volume() * part.density * _filled(part)
+        name = hex_colour(rgba)
+        grams[name] = round(grams.get(name, 0.0) + 1000 * kilograms, 1)
+    return grams
+
+
+def _filled(part: PrintedPart) -> float:
+    """Share of a part's volume that is filled: its walls, and of what they enclose `SPARSE`."""
+    if part.is_solid:
+        return 1.0
+    solid = manifold_from(part.mesh)
+    shell = min(WALLS * NOZZLE / 1000 * solid.surface_area() / solid.volume(), 1.0)
+    return shell + (1.0 - shell) * SPARSE
+
+
+def total_filament(recipes: Iterable[Recipe]) -> dict[str, float]:
+    """Filament of all parts of recipes in g by colour, in the order of the colours."""
+    total: dict[str, float] = {}
+    for recipe in recipes:
+        for part in recipe.parts:
+            for colour, grams in part.filament_g.items():
+                total[colour] = total.get(colour, 0.0) + part.count * grams
+    return dict(sorted(total.items()))
+
+
+def spools(grams: float) -> int:
+    """Spools of a kilogram that so many grams of a colour take."""
+    return math.ceil(grams / SPOOL_G)
 
 
 def _key(job: str, part: PrintedPart) -> str:

@@ -68,7 +68,7 @@ def outlines_of(
     import manifold3d
 
     if variants is None and prop.choice is not None:
-        variants = {prop.choice: min(prop.variants, key=_as_counted)}
+        variants = {prop.choice: min(prop.variants, key=as_counted)}
     root, *others = prop.prints(variants or {})
     poses = [SE3(), *(part.pose for part in prop.parts)]
     solids = [
@@ -181,7 +181,7 @@ def _middle(values: Uniform) -> float:
     return (values.low + values.high) / 2
 
 
-def _as_counted(name: str) -> tuple[int, str]:
+def as_counted(name: str) -> tuple[int, str]:
     """Numbers in their order, before names."""
     return (int(name), "") if name.isdigit() else (10**9, name)
 

@@ -87,6 +87,8 @@ class Clutch:
     def __init__(self) -> None:
         self._is_armed = False
         self._anchor: tuple[SE3, SE3] | None = None
+        self.was_lost = False
+        """Whether it opened by itself when it was closed last, and not by a release."""
 
     @property
     def is_closed(self) -> bool:
@@ -95,6 +97,7 @@ class Clutch:
 
     def open(self) -> None:
         """Let go; it takes a release and a new squeeze to close again."""
+        self.was_lost |= self.is_closed
         self._is_armed, self._anchor = False, None
 
     def notice(self, hand: Hand | None) -> None:
@@ -123,7 +126,7 @@ class Clutch:
             return None
         now = hand.world_from_hand
         if self._anchor is None:
-            self._anchor = now, tool
+            self._anchor, self.was_lost = (now, tool), False
         hand_then, tool_then = self._anchor
         shift = now.translation - hand_then.translation
         turn = product(now.rotation, hand_then.rotation.T)
@@ -172,8 +175,6 @@ class LedArm:
     def __init__(self, side: Side) -> None:
         self.clutch = Clutch()
         self.gripper = TriggeredGripper()
-        self.was_lost = False
-        """Whether the hand was lost, and not opened, when it led last."""
         self._shaper = Shaper(side)
         self._rest: SE3 | None = None
 
@@ -181,13 +182,12 @@ class LedArm:
         """A new episode waits, with the gripper at an opening."""
         self.clutch.open()
         self.gripper = TriggeredGripper(opening)
-        self.was_lost = False
         self._rest = None
 
     def follow(self, opening: float) -> None:
         """Something else leads the arm, and has its gripper at an opening."""
         self.gripper = TriggeredGripper(opening, meets=True)
-        self.was_lost = False
+        self.clutch.was_lost = False
         self._rest = None
 
     def lead(
@@ -203,8 +203,6 @@ class LedArm:
             self.gripper.follow(hand.trigger)
         was_closed = self.clutch.is_closed
         wanted = self.clutch.follow(hand, commanded)
-        if was_closed or wanted is not None:
-            self.was_lost = hand is None or not hand.sure
         if wanted is None:
             if self._rest is None:
                 self._rest = (
@@ -251,7 +249,7 @@ class HandDevice:
     @property
     def was_lost(self) -> bool:
         """Whether a hand that led last was lost, and not opened."""
-        return any(arm.was_lost for arm in self._arms.values())
+        return any(arm.clutch.was_lost for arm in self._arms.values())
 
     @property
     def dropped(self) -> int:
@@ -307,7 +305,6 @@ class HandDevice:
         self.executed_ms = math.nan
         self._acting.clear()
         for arm in self._arms.values():
-            arm.was_lost = arm.clutch.is_closed
             arm.gripper.lose()
         self.let_go()
 

@@ -162,7 +162,7 @@ class TaskProgress:
             layout = self._seeds.get(info.seed) if info.split == TRAIN else None
             if layout is not None and outcome is not None and outcome.kept:
                 self._kept[layout] += 1
-                self.operators[info.actor.name] += 1
+                self.operators[info.operator] += 1
 
     def _begun(self, layout: int) -> int:
         return max(self._attempts[layout], self._kept[layout])

@@ -64,6 +64,9 @@ WARNED_S = 10.0
 """Seconds before that end in which it is said."""
 ARM_REST = 0.02
 """Joint speed in rad/s below which an arm is at rest."""
+STILL = 0.2
+"""Share of the speeds at the end of a reset, 5 mm/s and 0.1 rad/s, below which objects are: a door
+that falls shut slowly is not; what rests on the table or in a hand moves by a thirtieth of them."""
 TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 """Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
 from where its hand wants it, and when a hand lets go, or is lost."""
@@ -390,7 +393,10 @@ class Teleoperation:
             "wanted": self._progress.wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
-            "limited": dict(zip(map(str, SIDES), self._limited, strict=True)),
+            "limited": {
+                str(side): self._limited[side.index] and self.device.clutch[side.index]
+                for side in SIDES
+            },
             "stage_changes": [list(change) for change in self._stage_changes],
             "policy": self.leading.status,
             "note": self._said(),
@@ -481,7 +487,7 @@ class Teleoperation:
         """Whether arms and objects are at rest, and no clock of a stage counts since a state."""
         base = cast("SimEnv", self.env.base)
         speeds = np.abs(base.backend.joint_velocities())
-        is_still = base.simulation.is_settled and bool((speeds < ARM_REST).all())
+        is_still = base.simulation.is_settled(STILL) and bool((speeds < ARM_REST).all())
         return is_still and not self._judge.counts_since(before)
 
     @property
@@ -594,7 +600,7 @@ class Teleoperation:
             return
         if self._is_settled:
             self._next()
-        elif not self._progress.wants(self._layout):
+        elif self.chosen or not self._progress.wants(self._layout):
             self.env.discard()
             self._prepare()
 
@@ -649,7 +655,7 @@ class Teleoperation:
         if task not in self._tasks:
             return
         self.chosen = "" if task == self.env.task else task
-        if self.chosen and self._state is TeleopState.WAITING:
+        if self.chosen and self._state is TeleopState.WAITING and not self._question:
             self.env.discard()
             self._end_session()
         elif self.chosen:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from duobench.core.errors import EvaluationError, OptionError, UnknownNameError
+from duobench.core.types import OPENING_SLOTS, DuoCommand
 from duobench.data import DataSet, Recording
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
@@ -32,8 +33,10 @@ from duobench.results.scores import wilson_interval
 from duobench.tasks import catalog
 from duobench.web.geometry import Geometry
 from duobench.web.server import PageServer
-from duobench.world.robot.cameras import HEAD_POSITION, Camera, view_from
-from tests.data.tools import HORIZON, TASK, recorded
+from duobench.world.robot.cameras import HEAD_POSITION, POLICY_CAMERAS, Camera, view_from
+from duobench.world.sim.simulation import Simulation
+from tests.data.real.number_duo import play_real, real_recorder
+from tests.data.tools import HORIZON, TASK, play, recorded, recorder
 from tests.evaluation import toy_tasks
 from tests.web.pages import get
 from tests.web.scene_file import read_scene
@@ -87,6 +90,45 @@ def test_a_page_looks_from_a_camera_that_stands_still(opened, data):
         view_from("left_wrist")
     with pytest.raises(OptionError, match="'side' moves with an arm"):
         view_from(replace(side, on="left_flange"))
+
+
+def test_a_take_of_real_arms_is_shown_as_they_were_measured(tmp_path, opened):
+    env, _ = real_recorder(tmp_path / "real", horizon=5)
+    play_real(env, 5)
+    env.close()
+    source = opened(str(tmp_path / "real"))
+    (item,) = source.items
+    trajectory = source.load(item.id)
+    (recording,) = DataSet.open(tmp_path / "real").recordings()
+    simulation = Simulation(catalog.get(TASK).props)
+    joints = np.delete(recording.agent_pos[-1], OPENING_SLOTS).reshape(2, -1)
+    simulation.duo.set_configuration(DuoCommand(joints=joints, openings=np.ones(2)))
+    simulation.forward()
+    arms = Geometry(simulation.model).poses(simulation.data)
+    shown = trajectory.poses()[-1]
+    near = np.abs(shown[:, :3] - arms[:, :3]).max(axis=1) < MILLIMETRE
+    assert len(trajectory.poses()) == 6
+    assert near.all()
+    assert "the cameras show" in trajectory.note
+    seen = source.images(item.id, 5)
+    assert sorted(seen) == sorted(POLICY_CAMERAS)
+    assert all(image.startswith(b"\xff\xd8\xff") for image in seen.values())
+
+
+def test_a_take_that_is_cut_and_not_to_be_used_says_so(tmp_path, opened):
+    env = recorder(tmp_path / "cut", split="train")
+    play(env, steps=5)
+    env.finish(kept=False, reason="Broken off.")
+    env.close()
+    source = opened(str(tmp_path / "cut"))
+    (item,) = source.items
+    assert item.detail == "wave: cut, stage 0 of 5, not to be used"
+    assert (item.state, item.take.reason) == ("not to be used", "Broken off.")
+    other = DataSet.open(tmp_path / "cut")
+    other.reviews.add(other.episodes()[0], kept=True)  # as another program does
+    source.refresh()
+    (item,) = source.items
+    assert (item.state, item.take.reason) == ("cut", "")
 
 
 def test_a_recorded_episode_is_shown_as_its_states_were(data, opened):

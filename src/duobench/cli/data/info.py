@@ -59,6 +59,8 @@ def run(
     say(f"Episodes: {summary.domains}")
     if summary.left_out:
         say(f"Frames missing in videos, left out by a late encoder: {summary.left_out}")
+    if summary.leading:
+        say(_leading(summary))
     for line in _actors(summary):
         say(line)
     for task, words in summary.differences.items():
@@ -87,16 +89,24 @@ def _actors(summary: Summary) -> Iterator[str]:
         if task.corrected:
             yield f"{task.task}: {task.corrected}"
         yield from _unused(task)
-        idle = task.unused.get(Reason.IDLE, 0)
-        if idle:
-            yield (
-                f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
-                "which exports leave out"
-            )
+
+
+def _leading(summary: Summary) -> Table:
+    """Table of what operators have led, by task and device."""
+    columns = numeric("Takes", "Successes", "Mean stage", "Led s a\nsuccess")
+    rows = table(whole("Task"), "Operator", "Device", *columns)
+    for led in summary.leading:
+        seconds = "–" if led.led_s is None else f"{led.led_s:.1f}"
+        numbers = (f"{led.takes}", f"{led.successes}", f"{led.stage:.1f}", seconds)
+        rows.add_row(led.task, led.operator, led.device, *numbers)
+    rows.caption = (
+        "Takes: all that were begun, discarded ones too. Led: median, until success."
+    )
+    return rows
 
 
 def _unused(task: TaskSummary) -> Iterator[str]:
-    """Episodes and rows that are not used, but for idle ones."""
+    """Episodes and rows that are not used."""
     parts = {
         "not to be used": task.discarded,
         "without success though kept, which exports leave out": task.failures_led,
@@ -108,6 +118,12 @@ def _unused(task: TaskSummary) -> Iterator[str]:
     trimmed = task.unused.get(Reason.TRIMMED, 0)
     if trimmed:
         yield f"{task.task}: {trimmed} of {task.frames} rows were trimmed away"
+    idle = task.unused.get(Reason.IDLE, 0)
+    if idle:
+        yield (
+            f"{task.task}: nobody led and nothing moved in {idle} of {task.frames} rows, "
+            "which exports leave out"
+        )
 
 
 def _smoothness(summary: Summary) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from duobench.envs.config import checked_seed
@@ -10,6 +11,21 @@ from duobench.world.looks.catalog import DEFAULT
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
+    from duobench.world.sim.layout import Layout
+
+
+def sample_layouts(task: Task, seeds: Iterable[int]) -> list[Layout]:
+    """Sample the layouts that seeds give in one environment."""
+    from duobench.envs import RandomizedReset
+    from duobench.envs.sim_env import SimEnv
+
+    env = SimEnv(task)
+    start = RandomizedReset(env)
+    found: list[Layout] = []
+    for seed in seeds:
+        start.reset(seed=seed)
+        found.append(env.layout)
+    return found
 
 
 def reset_env(

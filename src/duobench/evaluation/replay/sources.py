@@ -11,8 +11,10 @@ import numpy as np
 
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
 from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, SIDES, DuoCommand
+from duobench.core.video import jpeg
 from duobench.data import DataSet, EpisodeInfo, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
+from duobench.data.images import RecordedImages, resized
 from duobench.data.reviews import name_of
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
@@ -39,9 +41,11 @@ from duobench.world.robot.cameras import View
 from duobench.world.sim.simulation import Simulation
 
 LAYOUTS = 20
+IMAGE_SIZE = (270, 480)
+"""Height and width of what cameras of a rig saw, in pixels."""
 REAL_ARMS = (
     "Real arms as they were measured, with open grippers; objects stand where the layout asked for "
-    "them. What really was there the videos beside the recording show."
+    "them. What really was there the cameras show."
 )
 FAILURES = 5
 """Failures that are listed, the latest first."""
@@ -109,6 +113,7 @@ class DataSource:
         self._data, self._look, self._tasks = data, as_look(look), tasks
         self.title = data.path.name
         self._source: Latest[ImageSource] = Latest()
+        self._films: Latest[RecordedImages] = Latest()
         self._scenes = SceneCache(view)
         self._reviews = data.reviews
         self._recorded: dict[str, Recorded] = {}
@@ -126,9 +131,11 @@ class DataSource:
         return {}
 
     def review(self, item: str, **said: Any) -> None:
-        """Write down what somebody says about a take; see `Reviews.add`."""
-        self._reviews.add(self._recorded[item].path, **said)
-        self._list()
+        """Write down what somebody says about a take, unless that is so; see `Reviews.add`."""
+        path = self._recorded[item].path
+        if not self._reviews.of(path).says(**said):
+            self._reviews.add(path, **said)
+            self._list()
 
     def _files(self) -> list[Path]:
         return self._data.episodes_of(self._tasks)
@@ -168,9 +175,29 @@ class DataSource:
             note = f"{note} {_in_words(corrections)}".strip()
         return replace(recorder.trajectory(note), corrections=corrections)
 
+    def images(self, item: str, row: int) -> dict[str, bytes]:
+        """What the cameras of a rig saw in a row, as JPEG by camera; nothing of simulated takes.
+
+        Raises:
+            DataError: A video cannot be read.
+        """
+        recorded = self._recorded[item]
+        path = recorded.path
+        cameras = list(recorded.info.videos)
+        if not cameras:
+            return {}
+        films = self._films.get(
+            path,
+            lambda: RecordedImages(
+                Recording.read(path), path, cameras, IMAGE_SIZE, lambda *_: resized
+            ),
+        )
+        return {name: jpeg(image) for name, image in films.images(row).items()}
+
     def close(self) -> None:
-        """Close the simulation."""
+        """Close the simulation and the videos."""
         self._source.close()
+        self._films.close()
 
 
 class RunSource:

@@ -1,5 +1,6 @@
 """Takes: recordings as a person looks at them again, with what was said about them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,7 @@ class Take:
 
     task: str
     operator: str
-    """Who acted: a person's pseudonym, the name of a policy, or the kind of actor."""
+    """Those who acted: pseudonyms of people, names of policies, or the kind of actor."""
     device: str
     led_s: float
     """Seconds in which a hand led an arm; all of it where nothing says who led."""
@@ -53,14 +54,18 @@ class Recorded:
 
     path: Path
     info: EpisodeInfo
+    length: int
+    """Number of its actions."""
     led_s: float
 
     @staticmethod
     def read(path: Path) -> "Recorded":
         """Read a file; a `DataError` if it cannot be read."""
-        info = Recording.read_info(path)
         return Recorded(
-            path=path, info=info, led_s=Recording.read_led(path) / CONTROL_HZ
+            path=path,
+            info=Recording.read_info(path),
+            length=Recording.read_length(path),
+            led_s=Recording.read_led(path) / CONTROL_HZ,
         )
 
     def take(self, reviews: Reviews) -> Take:
@@ -77,8 +82,8 @@ class Recorded:
             end = TRIMMED
         return Take(
             task=info.task,
-            operator=info.actor.name or str(info.actor.kind),
-            device=info.actor.device or "",
+            operator=_words(actor.name or str(actor.kind) for actor in info.actors),
+            device=_words(actor.device or "" for actor in info.actors),
             led_s=round(self.led_s, 1),
             stage=0 if outcome is None else outcome.stage,
             max_stage=0 if outcome is None else outcome.max_stage,
@@ -89,7 +94,12 @@ class Recorded:
             and (outcome.success or not info.is_led),
             reason="" if outcome is None else outcome.reason or "",
             note=judgement.note,
-            rows=judgement.rows,
+            rows=None if judgement.rows == (0, self.length) else judgement.rows,
             by=judgement.by,
             at=judgement.at,
         )
+
+
+def _words(words: Iterable[str]) -> str:
+    """Words that are there, each once."""
+    return ", ".join(dict.fromkeys(filter(None, words)))

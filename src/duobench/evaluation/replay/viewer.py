@@ -29,6 +29,8 @@ _MAX_LATE_S = 1.0
 """Seconds of a pause, such as without a visitor, after which it continues where it was."""
 _REFRESH_S = 1.0
 """Seconds between looks for messages."""
+_IMAGES_S = 0.2
+"""Seconds between images of a rig's cameras."""
 _IDLE_S = 0.1
 """Seconds between looks for a ready episode or a new visitor."""
 
@@ -96,6 +98,10 @@ class Viewer:
         self._plays = False
         self._note = ""
         self._due = 0.0
+        self._next_images = 0.0
+        self._images: list[dict[str, Any]] = []
+        self._images_of: tuple[str, int] | None = None
+        self._number = 0
         self._over = threading.Event()
         server.listen(Command, self._on_message)
         self._refresh()
@@ -109,6 +115,7 @@ class Viewer:
                     self._refresh()
                 self._begin_loaded()
                 self._advance()
+                self._show_images()
             self._refresh(is_last=True)
         finally:
             self._loader.submit(self._source.close)
@@ -249,6 +256,42 @@ class Viewer:
             self._step = min(step, self._last)
             frame = pack_frame(self._poses[self._step], self._step, time.monotonic())
             self._server.publish_frame(frame)
+
+    def _show_images(self) -> None:
+        """Show what cameras of a rig saw at this step, a few times a second."""
+        now = time.monotonic()
+        is_due = now >= self._next_images and self._server.has_viewers
+        if (
+            not isinstance(self._source, DataSource)
+            or self._shown is None
+            or not is_due
+        ):
+            return
+        self._next_images = now + _IMAGES_S
+        place = (self._selected, self._step)
+        if self._images_of != place:
+            self._images_of = place
+            before = self._images
+            try:
+                found = self._source.images(*place)
+            except DuoBenchError as error:
+                found, self._note = {}, str(error)
+            self._images = [self._about(*each) for each in found.items()]
+            if not (before or self._images):
+                return
+        elif not self._images:
+            return
+        self._server.publish_cameras(self._images)
+
+    def _about(self, camera: str, image: bytes) -> dict[str, Any]:
+        self._number += 1
+        return {
+            "name": camera,
+            "title": f"{camera.replace('_', ' ').capitalize()} camera",
+            "image": self._server.publish_image(f"camera-{camera}", image),
+            "number": self._number,
+            "stale_s": None,
+        }
 
     @property
     def _stage(self) -> int:

@@ -392,7 +392,13 @@ class RigTeleoperation(Teleoperation):
             super()._discard()
 
     def _stand(self) -> bool:
-        """Keep both arms where they are, under control and unrecorded; whether nothing is wrong."""
+        """Keep both arms where they are, under control and unrecorded.
+
+        Not where they are held, or where a person has just said that a stage is reached: that
+        counts from the next control step on.
+        """
+        if self._judge.labels.stage != self._judge.stage:
+            return False
         self.env.pause()
         rig = self._real.rig
         rig.command(rig.last_command)

@@ -1,7 +1,12 @@
-// A board of text that stands in the scene, behind the table, for somebody who wears a headset.
+// Boards that stand in the scene, behind the table, for somebody who wears a headset.
 
 const [WIDTH, HEIGHT] = [1024, 448]; // pixels of the text
 const PLACE = { x: 1.25, halfWidth: 0.36, low: 0.45, high: 0.765 }; // in the world, in m
+/** Place and pixels of a board above that one, for three pictures. */
+export const ABOVE = {
+  place: { x: 1.25, halfWidth: 0.54, low: 0.775, high: 0.9775 },
+  size: [1536, 288],
+};
 const MARGIN = 32;
 const SIZES = { first: 54, others: 40 }; // of letters, where there is room for them
 const SMALLER = 0.94;
@@ -24,21 +29,22 @@ uniform sampler2D text;
 out vec4 colour;
 void main() { colour = texture(text, at); }`;
 
-/** A context of WebGL2 and lines of text in it. */
+/** A context of WebGL2, and lines of text in it, or pictures. */
 export class Board {
   #gl;
   #program;
   #corners;
   #texture;
-  #paper = new OffscreenCanvas(WIDTH, HEIGHT);
+  #paper;
   #shown = null;
   /** Rows of the text, `{row, size, font, y}`: what is written how large, and on which line. */
   rows = [];
 
-  constructor(gl) {
+  constructor(gl, { place = PLACE, size = [WIDTH, HEIGHT] } = {}) {
     this.#gl = gl;
+    this.#paper = new OffscreenCanvas(...size);
     this.#program = this.#link();
-    this.#corners = this.#build();
+    this.#corners = this.#build(place);
     this.#texture = gl.createTexture();
     this.show([]);
   }
@@ -62,6 +68,19 @@ export class Board {
       pen.font = font;
       pen.fillText(row, MARGIN, y);
     }
+    this.#upload();
+  }
+
+  /** Hang pictures side by side on the board in place of lines. */
+  hang(pictures) {
+    const { width, height } = this.#paper;
+    const pen = this.#paper.getContext("2d");
+    const room = width / pictures.length;
+    pictures.forEach((picture, number) => pen.drawImage(picture, number * room, 0, room, height));
+    this.#upload();
+  }
+
+  #upload() {
     const gl = this.#gl;
     gl.bindTexture(gl.TEXTURE_2D, this.#texture);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, this.#paper);
@@ -96,9 +115,8 @@ export class Board {
     return program;
   }
 
-  #build() {
+  #build({ x, halfWidth: half, low, high }) {
     const gl = this.#gl;
-    const { x, halfWidth: half, low, high } = PLACE;
     const corners = [
       ...[x, half, low, 0, 1],
       ...[x, -half, low, 1, 1],

@@ -1,7 +1,7 @@
 // A headset: its controllers are the hands, and its eyes see the scene, in VR or on a real table.
 
 import { gestureOf } from "./bare_hands.js";
-import { Board } from "./board.js";
+import { ABOVE, Board } from "./board.js";
 
 const HEAD = [0.0113, 0.001, 0.695]; // where the robot's head camera is, in the world, in m
 const TABLE_HEIGHT = 0.8095; // of the table top above the floor, in m
@@ -87,6 +87,8 @@ class LongPress {
 export class Headset {
   /** Called when a session has begun or ended. */
   onChange = () => {};
+  /** Called with the graphics; gives small pictures for a board of their own, where one is new. */
+  pictures = () => null;
   /** Gives what the board in the scene says, by what is held and whether hands are bare. */
   words = () => [];
   /** Called with what a person asks for by holding on: "drive", "keep" or "discard". */
@@ -97,6 +99,7 @@ export class Headset {
   #scene;
   #hands;
   #board;
+  #gallery = null; // a board with pictures, once there are any
   #session = null;
   #isSeeThrough = false;
   #room = null; // where the person is
@@ -116,7 +119,7 @@ export class Headset {
     this.#gl = canvas.getContext("webgl2");
     this.#scene = scene;
     this.#hands = hands;
-    canvas.addEventListener("webglcontextrestored", () => (this.#board = null));
+    canvas.addEventListener("webglcontextrestored", () => (this.#board = this.#gallery = null));
   }
 
   /** What the board in the scene says; the first line is the largest. */
@@ -346,6 +349,8 @@ export class Headset {
     const pose = frame.getViewerPose(this.#world);
     this.#board ??= new Board(gl);
     this.#board.show(this.#placing ? PLACING : this.lines);
+    const pictures = this.pictures(gl);
+    if (pictures) (this.#gallery ??= new Board(gl, ABOVE)).hang(pictures);
     gl.bindFramebuffer(gl.FRAMEBUFFER, layer.framebuffer);
     gl.clearColor(...(this.#isSeeThrough ? [0, 0, 0, 0] : [0.85, 0.87, 0.89, 1]));
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -354,6 +359,7 @@ export class Headset {
       const view = eye.transform.inverse.matrix;
       this.#scene.draw(view, eye.projectionMatrix, [x, y, width, height]);
       this.#board.draw(view, eye.projectionMatrix, [x, y, width, height]);
+      this.#gallery?.draw(view, eye.projectionMatrix, [x, y, width, height]);
     }
     this.#hands.latency.drawn((call) => frame.session.requestAnimationFrame(call));
   }

@@ -3,7 +3,6 @@
 import { make } from "./controls.js";
 
 const [NEAR, FAR] = [0.01, 7]; // metres
-const FAST_MS = 14; // an image of the scene that takes longer leaves time for one inset
 const MOST_PIXELS = 1.5; // a CSS pixel, along both sides
 
 /** `v` turned by a quaternion `[w, x, y, z]`. */
@@ -42,6 +41,7 @@ export class Insets {
   mark = () => {};
   #place;
   #tiles = [];
+  #active = [];
   #turn = 0;
 
   constructor(place) {
@@ -56,29 +56,49 @@ export class Insets {
       const picture = make("canvas", { class: "picture", role: "img", "aria-label": `${title} camera` });
       const words = make("figcaption", {}, make("b", {}, title));
       const figure = make("figure", { "data-camera": camera.name }, picture, words);
-      return { camera, figure, picture, pen: picture.getContext("2d") };
+      return { camera, figure, picture, pen: picture.getContext("2d"), when: 0 };
     });
     const items = this.#tiles.map(({ figure }) => make("li", {}, figure));
     this.#place.querySelector("ul").replaceChildren(...items);
     this.#place.hidden = false;
   }
 
-  /** Say which arms are led: their cameras are the bright ones. */
+  /** Say which arms are led: their cameras are the bright ones, and drawn most often. */
   set active(sides) {
+    this.#active = sides;
     for (const { camera, figure } of this.#tiles) {
       const isOther = camera.body && sides.length && !sides.some((side) => camera.name.startsWith(side));
       figure.dataset.state = isOther ? "other" : "live";
     }
   }
 
-  /** Draw them with a scene's graphics, all or the next one, before the scene itself is drawn. */
-  paint(gl, scene, milliseconds) {
+  /**
+   * Draw the next one with a scene's graphics, before the scene itself is drawn.
+   *
+   * One at a time, so that they cost little where no graphics card draws. Returns whether one
+   * still shows what was before.
+   */
+  paint(gl, scene) {
     const poses = scene.poses;
-    if (!poses || !this.#tiles.length) return;
-    const count = milliseconds < FAST_MS ? this.#tiles.length : 1;
-    for (let i = 0; i < count; i++) {
-      this.#draw(gl, scene, poses, this.#tiles[this.#turn++ % this.#tiles.length]);
-    }
+    if (!poses) return false;
+    const old = this.#tiles.filter(({ shown }) => shown !== poses);
+    if (!old.length) return false;
+    const isActive = ({ camera }) => this.#active.some((side) => camera.name.startsWith(side));
+    const next = (this.#turn++ % 2 && old.find(isActive)) || old.toSorted((a, b) => a.when - b.when)[0];
+    next.shown = poses;
+    next.when = this.#turn;
+    this.#draw(gl, scene, poses, next);
+    return old.length > 1;
+  }
+
+  /** The same for a headset: all pictures from left to right, where one was drawn anew. */
+  pictures(gl, scene) {
+    const before = this.#turn;
+    this.paint(gl, scene);
+    const order = ["left_wrist", "head", "right_wrist"];
+    const place = ({ camera }) => order.indexOf(camera.name);
+    const tiles = this.#tiles.toSorted((one, other) => place(one) - place(other));
+    return this.#turn === before ? null : tiles.map(({ picture }) => picture);
   }
 
   #draw(gl, scene, poses, { camera, picture, pen }) {
@@ -92,7 +112,10 @@ export class Insets {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.clearColor(0, 0, 0, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const showsRoom = scene.showsRoom;
+    scene.showsRoom = true;
     scene.draw(view, projection, [0, gl.canvas.height - height, width, height]);
+    scene.showsRoom = showsRoom;
     pen.drawImage(gl.canvas, 0, 0, width, height, 0, 0, width, height);
     this.mark(pen, view, projection, width, height);
   }

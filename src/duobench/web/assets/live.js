@@ -4,6 +4,7 @@ import { Cameras } from "./cameras.js";
 import { Connection } from "./connection.js";
 import { Insets } from "./insets.js";
 import { Marks } from "./marks.js";
+import { Notices } from "./notices.js";
 import { Status } from "./status.js";
 import { View } from "./view.js";
 import { Views } from "./views.js";
@@ -24,7 +25,9 @@ class Live {
   #hands = null; // a part of it
   #insets;
   #marks;
+  #notices;
   #views;
+  #saysStages = false; // whether digits are for something else than views
   #latency = null; // of what drives
   #run = null; // what shows a run that goes on, once it was loaded
   #takes = null; // what takes a second look at recordings, once it was loaded
@@ -38,9 +41,12 @@ class Live {
     const cameras = document.querySelector("#cameras");
     this.#cameras = new Cameras(cameras, isCovered);
     this.#insets = new Insets(cameras);
-    this.#marks = new Marks(document.querySelector(".screen"));
+    const screen = document.querySelector(".screen");
+    this.#marks = new Marks(screen);
+    this.#notices = new Notices(screen);
+    this.#notices.onSilence = (isSilent) => isSilent && this.#status.showPing(null);
     this.#insets.mark = (...where) => this.#marks.into(...where);
-    this.#view.onBegin = (gl, took) => this.#insets.paint(gl, this.#view.scene, took);
+    this.#view.onBegin = (gl) => this.#insets.paint(gl, this.#view.scene);
     this.#view.onDraw = () => this.#drawMarks();
     this.#connection = Connection.home();
     this.#status = new Status(document, (message) => this.#connection.tell(message));
@@ -54,6 +60,7 @@ class Live {
       this.#cameras.lost();
     });
     this.#connection.addEventListener("message", ({ data }) => {
+      this.#notices.heard();
       if (typeof data === "string") this.#receive(JSON.parse(data));
       else this.#place(data);
     });
@@ -67,14 +74,19 @@ class Live {
       this.#selected = message.selected;
       this.#offer();
       if (message.run) this.#follow(message);
-      this.#marks.limited = message.limited ?? {};
+      this.#saysStages = Boolean(message.says_stages);
+      this.#notices.taken(this.#status.taken);
+      this.#limit(message.limited ?? {});
       if (message.clutch && !this.#inputs) this.#inputs = this.#loadInputs();
     } else if (message.kind === "items") {
       this.#items = message.items;
       this.#offer();
     } else if (message.kind === "cameras") this.#cameras.show(message.cameras);
-    else if (message.kind === "role") this.#status.showRole(message);
-    else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
+    else if (message.kind === "role") {
+      this.#status.showRole(message);
+      this.#notices.taken(this.#status.taken);
+      this.#drawMarks();
+    } else if (message.kind === "pong") this.#status.showPing(performance.now() - message.sent);
     else if (message.kind === "refused") this.#status.say(message.reason);
   }
 
@@ -105,9 +117,9 @@ class Live {
     const poses = new Float32Array(frame, FRAME_HEAD, count);
     this.#waiting = poses;
     this.#marks.place(new Float32Array(frame, FRAME_HEAD + 4 * count));
-    this.#view.scene.setPoses(poses);
+    const isNew = this.#view.scene.setPoses(poses);
     this.#status.showStep(head.getUint32(8, true));
-    this.#latency?.arrived(head.getFloat64(16, true));
+    if (isNew) this.#latency?.arrived(head.getFloat64(16, true));
   }
 
   /** What drives is loaded only where the server takes hands. */
@@ -126,6 +138,12 @@ class Live {
       this.#drawMarks();
       hands.latency.drawn((call) => requestAnimationFrame(call));
     };
+    headset.pictures = (gl) => this.#insets.pictures(gl, this.#view.scene);
+    const mark = hands.onActive;
+    hands.onActive = () => {
+      mark();
+      this.#drawMarks();
+    };
     this.#hands = hands;
     this.#view.scene.isLitFromAbove = true;
     this.#views = new Views({
@@ -134,15 +152,24 @@ class Live {
       orbit: this.#view.orbit,
       active: () => hands.lead,
       tool: (side) => this.#marks.tool(side),
+      takesDigits: () => !this.#saysStages,
     });
     this.#views.cameras = this.#view.scene.header?.cameras ?? [];
     this.#status.latency = () => hands.latency.ms;
     this.#status.canBeDriven();
+    this.#drawMarks();
+  }
+
+  #limit(limited) {
+    this.#marks.limited = limited;
+    this.#notices.limit(limited);
+    this.#drawMarks();
   }
 
   #drawMarks() {
     const canvas = document.querySelector("canvas");
-    this.#marks.active = this.#insets.active = this.#hands?.isDriving ? this.#hands.sides : [];
+    const active = this.#status.isDriver && this.#hands ? this.#hands.sides : [];
+    this.#marks.active = this.#insets.active = active;
     this.#marks.draw(this.#view.orbit, canvas.clientWidth, canvas.clientHeight);
   }
 
@@ -156,7 +183,10 @@ class Live {
 
   /** A run that goes on; what shows it is loaded only where there is one. */
   async #follow({ run, report, ended }) {
-    if (ended) this.#connection.end();
+    if (ended) {
+      this.#connection.end();
+      this.#notices.heard(false);
+    }
     if (report) return location.replace(report);
     this.#run ??= import("./run.js");
     const { showRun } = await this.#run;

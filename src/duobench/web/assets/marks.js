@@ -29,7 +29,7 @@ function ring([x, y, z], radius = RADIUS) {
 
 /** The lines of a tool: `{tool, line, ground}`, each a list of points. */
 function linesOf({ tool, start, length }) {
-  if (Number.isNaN(length)) return { tool: ring(tool), line: [], ground: [] };
+  if (Number.isNaN(length)) return { tool: ring(tool), line: [], ground: [], cross: [] };
   const end = [start[0], start[1], start[2] - length];
   const cross = [0, 1].map((axis) =>
     [-1, 1].map((sign) => end.map((value, i) => value + (i === axis ? sign * RADIUS : 0))),
@@ -95,9 +95,9 @@ export class Marks {
     for (const side of SIDES) {
       const tool = this.#tools[side];
       if (!tool) continue;
-      const { tool: top, line, ground } = linesOf(tool);
+      const { tool: top, line, ground, cross } = linesOf(tool);
       pen.globalAlpha = this.active.includes(side) ? 1 : 0.6;
-      for (const points of [ground, line, top]) {
+      for (const points of [ground, line, top, ...cross]) {
         const places = points.map((point) => seen(view, projection, width, height, point));
         if (!places.length || places.includes(null)) continue;
         const path = new Path2D(`M${places.map((place) => place.join(" ")).join("L")}`);

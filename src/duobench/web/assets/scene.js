@@ -78,9 +78,14 @@ export class Scene {
     this.onChange();
   }
 
-  /** Put the bodies where they are: seven numbers each, x y z and w x y z. */
+  /**
+   * Put the bodies where they are: seven numbers each, x y z and w x y z.
+   *
+   * Returns whether that is another picture than before.
+   */
   setPoses(poses) {
-    if (!this.header || poses.length !== 7 * this.header.bodies) return;
+    if (!this.header || poses.length !== 7 * this.header.bodies) return false;
+    if (this.#given?.every((value, i) => value === poses[i])) return false;
     const block = new Float32Array(8 * (this.header.bodies + 1));
     block.set([0, 0, 0, 0, 0, 0, 0, 1]); // the world
     for (let body = 0; body < this.header.bodies; body++) {
@@ -91,6 +96,7 @@ export class Scene {
     this.#given = poses;
     this.#place();
     this.onChange();
+    return true;
   }
 
   /** The poses as they were given last; null before that. */

@@ -28,6 +28,7 @@ export class Status {
   #items = "";
   #isDrivable = false;
   #isDriver = false;
+  #hasDriven = false; // and was not replaced since
   #role = null;
   #name = null; // pseudonym under which this page drives, or is to
 
@@ -89,6 +90,7 @@ export class Status {
     const wasDriver = this.#isDriver;
     this.#role = role;
     this.#isDriver = role.role === "driver";
+    this.#hasDriven ||= this.#isDriver;
     if (this.#isDriver && !wasDriver && this.#name !== null) {
       this.#tell({ kind: "operator", name: this.#name });
     }
@@ -96,8 +98,21 @@ export class Status {
     this.#showDriving();
   }
 
+  /** Whether this page drives. */
+  get isDriver() {
+    return this.#isDriver;
+  }
+
+  /** Who drives in place of this page, in words; empty while nobody does. */
+  get taken() {
+    const isTaken = this.#hasDriven && !this.#isDriver && this.#role?.drivers > 0;
+    return isTaken ? `${this.#other} took over.` : "";
+  }
+
+  /** Show how long the server took to answer; null while it does not. */
   showPing(milliseconds) {
-    this.#write(".ping", `${Math.round(milliseconds)} ms to the server`);
+    const time = milliseconds === null ? "–" : Math.round(milliseconds);
+    this.#write(".ping", `${time} ms to the server`);
   }
 
   showStep(step) {
@@ -137,7 +152,7 @@ export class Status {
       Episode: count,
       Leads: policy ? (policy.leads ? policy.name : "you") : undefined,
       Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
-      World: RUNNING.includes(state) ? WORLD[pace] : undefined,
+      World: !RUNNING.includes(state) || policy?.leads ? undefined : WORLD[pace],
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
       Discarded: discarded || null,
       "Hand to picture": said(seen),
@@ -185,9 +200,9 @@ export class Status {
     const { role = "viewer", drivers = 0, viewers = 1 } = this.#role ?? {};
     const watching = viewers - (this.#isDriver ? 0 : 1);
     const { state, wording = "", operator, operators = [], panel } = this.#last;
-    const as = drivers && operator ? ` as ${operator}` : "";
-    const who = role === "driver" ? "You drive" : drivers ? "Somebody drives" : "Nobody drives";
-    const driving = who + as;
+    const you = operator ? `You drive as ${operator}` : "You drive";
+    const other = drivers ? `${this.#other} drives` : "Nobody drives";
+    const driving = role === "driver" ? you : other;
     const words = [
       this.#isDrivable && driving,
       watching > 0 && `${watching} other${watching > 1 ? "s" : ""} watching`,
@@ -237,6 +252,11 @@ export class Status {
     this.#judging.isOpen = this.#isDriver && JUDGED.includes(this.#last.state);
     this.#part("#judging").hidden = !this.#judging.isOpen;
     this.#judging.show(this.#last);
+  }
+
+  /** The name of somebody else who drives, where the server says it. */
+  get #other() {
+    return this.#last.operator || "Another page";
   }
 
   #part(selector) {

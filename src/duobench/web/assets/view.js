@@ -12,14 +12,13 @@ export class View {
   isCovered = () => false;
   /** Called when an image was drawn. */
   onDraw = () => {};
-  /** Called before the scene is drawn, with the graphics and how many ms the last image took. */
-  onBegin = () => {};
+  /** Called with the graphics before the scene is drawn; says whether there is more to draw. */
+  onBegin = () => false;
   #canvas;
   #gl;
   #isAsked = false;
   #density = MOST_PIXELS;
   #slow = 0;
-  #took = 0;
 
   /** Throws an Error, in words for people, where the browser cannot show 3D. */
   constructor(canvas) {
@@ -62,7 +61,7 @@ export class View {
     );
     if (canvas.width !== width) canvas.width = width;
     if (canvas.height !== height) canvas.height = height;
-    this.onBegin(gl, this.#took);
+    if (this.onBegin(gl)) this.draw();
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -71,7 +70,6 @@ export class View {
 
   /** A processor that draws instead of a graphics card gets fewer pixels. */
   #adapt(milliseconds) {
-    this.#took = milliseconds;
     this.#slow = milliseconds > SLOW_MS ? this.#slow + 1 : 0;
     if (this.#slow < 5) return;
     this.#slow = 0;

@@ -24,13 +24,16 @@ export class Views {
   #page;
   #active;
   #tool;
+  #takesDigits;
   /** The robot's cameras, as the scene's file has them. */
   cameras = [];
-  /** Whether a key alone chooses a view; else only with Shift. */
-  takesDigits = true;
 
-  /** `active()` gives the arm that is led, `tool(side)` where its tool is. */
-  constructor({ bar, page, orbit, active, tool }) {
+  /**
+   * `active()` gives the arm that is led, `tool(side)` where its tool is, `takesDigits()` whether
+   * a digit alone chooses a view; else it takes Shift as well.
+   */
+  constructor({ bar, page, orbit, active, tool, takesDigits }) {
+    this.#takesDigits = takesDigits;
     this.#orbit = orbit;
     this.#page = page;
     this.#active = active;
@@ -88,7 +91,7 @@ export class Views {
     if (event.target.matches?.("input, select, textarea")) return;
     const digit = /^(?:Digit|Numpad)(\d)$/.exec(event.code)?.[1] ?? event.key;
     const view = VIEWS.find(([key]) => key === digit);
-    if (view && (event.shiftKey || this.takesDigits)) this.look(view[1]);
+    if (view && (event.shiftKey || this.#takesDigits())) this.look(view[1]);
     else if (event.key.toLowerCase() === FULL && !event.shiftKey) this.fill();
     else return;
     event.preventDefault();

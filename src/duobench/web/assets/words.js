@@ -68,7 +68,7 @@ export class Words {
       next && `Next: ${next}`,
       this.#facts(ms),
       this.#isDriving && hints[state],
-      this.#isDriving && discarded > 0 && !isBare && `${discarded} discarded; Y puts the last one back.`,
+      this.#isDriving && discarded > 0 && !isBare && `${discarded} discarded; Y asks about the last one.`,
     ];
     return lines.filter(Boolean);
   }

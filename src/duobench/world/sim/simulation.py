@@ -302,14 +302,14 @@ class Simulation(Questions):
         while steps < MAX_SETTLE_STEPS and not is_settled:
             self.advance(command)
             steps += 1
-            is_settled = self.is_settled
+            is_settled = self.is_settled()
         self.data.time = 0.0
         return steps
 
-    @property
-    def is_settled(self) -> bool:
-        """Whether every object is at rest."""
-        return bool((np.abs(self.data.qvel[self._loose]) < self._settled).all())
+    def is_settled(self, share: float = 1.0) -> bool:
+        """Whether every object is at rest: slower than a share of what counts as that at a reset."""
+        speeds = np.abs(self.data.qvel[self._loose])
+        return bool((speeds < share * self._settled).all())
 
     # --- props ---------------------------------------------------------------------------------
 

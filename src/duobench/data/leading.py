@@ -1,0 +1,117 @@
+"""What operators have led, by task, operator and device: from recordings and noted attempts.
+
+Attempts that were discarded count too, so that shares of successes are those of all that was begun.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from statistics import mean, median
+
+from duobench.core.types import CONTROL_HZ
+from duobench.data.attempts import SKIPPED, Attempt
+from duobench.data.recording import Recording
+from duobench.data.schema import PEOPLE, Actor
+from duobench.data.used_rows import UsedRows
+
+UNKNOWN = "unknown"
+"""Device of a take that does not say it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Take:
+    """One episode that an operator has begun."""
+
+    task: str
+    operator: str
+    """Kind and pseudonym of who led first."""
+    device: str
+    success: bool
+    stage: int
+    """Highest stage that was reached."""
+    led_s: float | None
+    """Seconds until success in which something was led or moved; None if they are not known."""
+
+    @staticmethod
+    def of(recording: Recording, rows: UsedRows) -> "Take | None":
+        """The take of a recording, of which some rows are used; None if a policy began it."""
+        info = recording.info
+        if info.actor.kind not in PEOPLE:
+            return None
+        outcome = info.outcome
+        end = None if outcome is None else outcome.success_step
+        used = sum(
+            max(0, min(after, end if end is not None else after) - first)
+            for first, after in rows.spans
+        )
+        return Take(
+            task=info.task,
+            operator=operator_of(info.actor),
+            device=info.actor.device or UNKNOWN,
+            success=outcome is not None and outcome.success,
+            stage=0 if outcome is None else outcome.stage,
+            led_s=used / CONTROL_HZ,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Leading:
+    """Takes of one task that one operator has led with one device."""
+
+    task: str
+    operator: str
+    device: str
+    takes: int
+    """Number of episodes that were begun."""
+    successes: int
+    stage: float
+    """Highest stage that was reached, in the mean."""
+    led_s: float | None
+    """Median of the seconds led until success; None without a recorded success."""
+
+
+def operator_of(actor: Actor) -> str:
+    """Kind and pseudonym of an operator in words."""
+    return f"{actor.kind} {actor.name}".strip()
+
+
+def takes_without_file(attempts: Iterable[Attempt], names: set[str]) -> list[Take]:
+    """Return the takes of attempts whose episodes have no file, by the names of those that have."""
+    return [
+        Take(
+            task=each.task,
+            operator=operator_of(each.actor),
+            device=each.actor.device or UNKNOWN,
+            success=each.success,
+            stage=each.stage,
+            led_s=None,
+        )
+        for each in attempts
+        if each.actor is not None
+        and each.error != SKIPPED
+        and f"{each.episode:05d}" not in names
+    ]
+
+
+def add_up(takes: Sequence[Take]) -> tuple[Leading, ...]:
+    """Add takes up, in the order of their tasks, operators and devices."""
+    keys = sorted({(each.task, each.operator, each.device) for each in takes})
+    return tuple(
+        _added(
+            [each for each in takes if (each.task, each.operator, each.device) == key]
+        )
+        for key in keys
+    )
+
+
+def _added(takes: Sequence[Take]) -> Leading:
+    first = takes[0]
+    seconds = [each.led_s for each in takes if each.success and each.led_s is not None]
+    return Leading(
+        task=first.task,
+        operator=first.operator,
+        device=first.device,
+        takes=len(takes),
+        successes=sum(each.success for each in takes),
+        stage=mean(each.stage for each in takes),
+        led_s=median(seconds) if seconds else None,
+    )
