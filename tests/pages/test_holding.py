@@ -32,8 +32,6 @@ from tests.teleop.test_real import PERSON, Keys
 
 HELD_S = 0.5
 """Longest time from Space to arms that are held."""
-TRIES = 5
-"""A machine that is busy with something else may be late."""
 
 
 @dataclass
@@ -156,9 +154,10 @@ def trials(path: Path) -> Iterator[Session]:
         stand.ending.close()
 
 
-def seconds_until(act: Callable[[], object], is_so: Callable[[], bool]) -> float:
-    start = time.monotonic()
+def seconds_after(act: Callable[[], object], is_so: Callable[[], bool]) -> float:
+    """Seconds from a press, which the browser has taken, until something is so."""
     act()
+    start = time.monotonic()
     while not is_so():
         assert time.monotonic() < start + 20.0, "it was never held"
         time.sleep(0.002)
@@ -186,10 +185,6 @@ def test_space_holds_on_every_page_with_arms(
         button = "button:not([hidden]):not(:disabled):not(#hold)"
         ways = [press(page, button), press(other, "body"), lambda: other.click("#hold")]
         for number, way in enumerate(ways):
-            times = [seconds_until(way, session.is_held)]
-            if number < len(ways) - 1:
+            if number:
                 session.go_on(page)
-            while min(times) > HELD_S and len(times) < TRIES:
-                times.append(seconds_until(way, session.is_held))
-                session.go_on(page)
-            assert min(times) <= HELD_S, times
+            assert seconds_after(way, session.is_held) <= HELD_S
