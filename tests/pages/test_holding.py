@@ -49,7 +49,12 @@ class Session:
 def press_next(page: Page, *names: str) -> None:
     """Press what leads to the next step, as often as there are names."""
     for name in names:
-        page.wait_for_selector(f"#{name}.next:visible", timeout=60_000)
+        for _ in range(600):
+            if page.locator(f"#{name}.next").is_visible():
+                break
+            page.wait_for_timeout(100)
+        else:
+            raise AssertionError(f"no {name}: {page.inner_text('main')}")
         page.click(f"#{name}.next")
 
 
