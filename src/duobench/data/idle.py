@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
 from duobench.data.recording import Recording
-from duobench.data.schema import ActorKind
 from duobench.data.used_rows import Span
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
 from duobench.world.sim.simulation import Simulation
 
 STILL = 1e-4
-"""What moves by less is at rest, in metres: a pose in a step, and all through rows that are left
-out, so that none is another one where they are missing."""
+"""What moves by less in a step is at rest, in metres."""
 STILL_TOOL = 5e-4
 """The same of a measured tool, whose joints are noisy."""
 STILL_ANGLE = 3e-4
@@ -25,8 +23,8 @@ STILL_OPENING = 5e-3
 """The same of a measured opening."""
 STILL_TARGET = 1e-5
 """The same of a commanded target, in radians or as an opening."""
-_ACTING = (ActorKind.POLICY, ActorKind.EXPERT)
-"""Actors that lead all the time, without a clutch."""
+DRIFT = 10.0
+"""How often as far anything may move all through rows that are left out: 1 mm, 3 mrad."""
 _QPOS = 1
 """Place of the first coordinate in a state of the simulation, behind the time."""
 
@@ -34,9 +32,9 @@ _QPOS = 1
 def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     """Which rows of some that follow each other are idle.
 
-    What is seen behind rows that are left out is, within what counts as rest, what the last one
-    that is used led to, and no further from that one than a step leads; a slow drift keeps as many
-    rows as that needs.
+    What is seen behind rows that are left out is, but for a small drift, what the last one that is
+    used led to, and no further from that one than a step leads anywhere in the episode; a slow
+    motion keeps as many rows as that needs.
     """
     first, end = span
     seen = _poses(recording, task)
@@ -44,17 +42,18 @@ def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
         [recording.stage, recording.success, recording.success_at_end]
     )
     sent = recording.sent / STILL_TARGET
-    is_led = recording.clutch.any(axis=1) | _asks(recording)
-    is_led |= (judged[1:] != judged[:-1]).any(axis=1)
-    acts = [actor.kind in _ACTING for actor in recording.info.actors]
-    is_led |= np.array(acts)[recording.leader]
+    is_active = recording.clutch.any(axis=1) | _asks(recording)
+    is_active |= recording.is_led_by_policy
+    is_active |= (judged[1:] != judged[:-1]).any(axis=1)
     idle = np.zeros(end - first, np.bool_)
-    largest = np.maximum(np.abs(np.diff(seen, axis=0)).max(axis=0), 1.0)
+    motions = np.abs(np.diff(seen, axis=0))
+    is_active |= motions.max(axis=1) > 1.0
+    largest = np.maximum(motions.max(axis=0), 1.0)
     was, rest, told = seen[first], seen[first], sent[first]
     for row in range(first, end):
-        moved = (np.abs(seen[row + 1] - was) > largest).any()
-        moved |= np.abs(seen[row + 1] - rest).max() > 1.0
-        if is_led[row] or moved or np.abs(sent[row] - told).max() > 1.0:
+        drifts = (np.abs(seen[row + 1] - was) > largest).any()
+        drifts |= np.abs(seen[row + 1] - rest).max() > DRIFT
+        if is_active[row] or drifts or np.abs(sent[row] - told).max() > 1.0:
             was, rest, told = seen[row], seen[row + 1], sent[row]
         else:
             idle[row - first] = True

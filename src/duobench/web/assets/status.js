@@ -238,6 +238,11 @@ export class Status {
     if (document.activeElement !== input) input.value = text;
   }
 
+  /** The name of somebody else who drives, where the server says it. */
+  get #other() {
+    return this.#last.operator || "Another page";
+  }
+
   /** Stages that a person declares; what takes them is loaded only where one does. */
   async #showJudging() {
     if (!this.#last.presses) return;
@@ -252,11 +257,6 @@ export class Status {
     this.#judging.isOpen = this.#isDriver && JUDGED.includes(this.#last.state);
     this.#part("#judging").hidden = !this.#judging.isOpen;
     this.#judging.show(this.#last);
-  }
-
-  /** The name of somebody else who drives, where the server says it. */
-  get #other() {
-    return this.#last.operator || "Another page";
   }
 
   #part(selector) {

@@ -307,7 +307,7 @@ class Simulation(Questions):
         return steps
 
     def is_settled(self, share: float = 1.0) -> bool:
-        """Whether every object is at rest: slower than a share of what counts as that at a reset."""
+        """Whether every object is slower than a share of what counts as rest at a reset."""
         speeds = np.abs(self.data.qvel[self._loose])
         return bool((speeds < share * self._settled).all())
 
