@@ -49,7 +49,7 @@ class FrozenExpert:
         """Begin an episode."""
         self._expert.reset(instruction, seed)
         self._steps = 0
-        self._freezes = int(np.random.default_rng(seed).integers(20, 220))
+        self._freezes = int(np.random.default_rng(seed).integers(20, 140))
 
     def act(self, observation: object) -> Array:
         """The expert's action, or none."""

@@ -6,6 +6,7 @@ the expert's script that are still to be done.
 """
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from duobench.core.spatial import SE3, length
 from duobench.core.types import SIDES, Side
@@ -32,8 +33,10 @@ from duobench.tasks.experts.motion import (
 )
 from duobench.tasks.experts.scripts import (
     carry_pot as pot_script,
+    join_blocks as join_script,
     transfer_cube as cube_script,
 )
+from duobench.world.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
 from duobench.world.objects.pot import HEIGHT
 from duobench.world.robot.joints import HOME_JOINTS
 
@@ -124,7 +127,34 @@ def transfer_cube(arms: Arms) -> Script:
     yield from place(arms, receiver, goal, above=0.10, retreat=0.10)
 
 
-ENTRIES: Mapping[str, Entry] = {"carry_pot": carry_pot, "transfer_cube": transfer_cube}
+def join_blocks(arms: Arms) -> Script:
+    """Take the bars that no hand holds, plug them together, and push them onto the wall."""
+    parts: Any = join_script  # its steps, which only its own script calls otherwise
+    missing = [side for side, bar in parts._BARS.items() if not arms.grasps(side, bar)]
+    if missing:
+        yield from clear(arms, *missing)
+        yield from together(*(parts._take(arms, side) for side in missing))
+    dark = SE3.at(parts._MEETING_X, 0.0, PEG_HEIGHT)
+    light = dark.moved(x=-BAR[0] - PEG_LENGTH - parts._APART)
+    apart = {Side.RIGHT: dark, Side.LEFT: light}
+    yield from parts._lead(arms, apart, speed=CAREFUL)
+    yield from parts._correct(arms, apart)
+    behind = -BAR[0] - parts._TOUCHING
+    yield from parts._lead(arms, {Side.LEFT: dark.moved(x=behind)}, speed=parts._SLOW)
+    to_wall = WALL_PLATE[0] / 2 + BAR[0] / 2 + parts._TOUCHING
+    front = arms.sim.pose("wall") @ SE3.at(-to_wall, 0.0, PEG_HEIGHT)
+    before = front.moved(x=-PEG_LENGTH - parts._BEFORE_WALL)
+    for goal, speed in ((before, 0.10), (front, parts._SLOW)):
+        both = {Side.RIGHT: goal, Side.LEFT: goal.moved(x=behind)}
+        yield from parts._lead(arms, both, speed=speed)
+    yield from clear(arms)
+
+
+ENTRIES: Mapping[str, Entry] = {
+    "carry_pot": carry_pot,
+    "join_blocks": join_blocks,
+    "transfer_cube": transfer_cube,
+}
 """Entries by the ids of their tasks; the others begin anew, see `entry`."""
 
 

@@ -387,5 +387,25 @@ def test_hostile_sizes_cost_nothing(tmp_path: Path, size: int) -> None:
     env.close()
 
 
+def test_what_an_earlier_version_left_is_recovered(tmp_path: Path) -> None:
+    """Its rows did not say who led."""
+    env = recorder(tmp_path)
+    play(env, steps=20)
+    (partial,) = DataSet(tmp_path).partials()
+    now, (_, rows) = recover(partial), stream.read_left(partial)
+    data = partial.read_bytes()
+    head = data[8 : 8 + int.from_bytes(data[:8], "little")]
+    text = head.replace(b',\n  "has_leader": true', b"")
+    assert text != head
+    fields = [(name, rows.dtype[name]) for name in rows.dtype.names or () if name != "leader"]
+    old = np.zeros(len(rows), np.dtype(fields, align=True))
+    for name in old.dtype.names or ():
+        old[name] = rows[name]
+    other = tmp_path / "x.part"
+    other.write_bytes(len(text).to_bytes(8, "little") + text + old.tobytes())
+    assert equal(recover(other), now)
+    env.close()
+
+
 if __name__ == "__main__":
     record(Path(sys.argv[1]))

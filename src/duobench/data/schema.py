@@ -297,11 +297,6 @@ class EpisodeInfo:
         return self.leaders or (self.actor,)
 
     @property
-    def who(self) -> str:
-        """Names of all who led."""
-        return ", ".join(each.name or str(each.kind) for each in self.actors)
-
-    @property
     def operator(self) -> str:
         """Name of the first one who led and is no policy; empty without."""
         return next((each.name for each in self.actors if not each.kind.is_policy), "")

@@ -17,6 +17,7 @@ from duobench.envs.duo_env import Info, base_of
 from duobench.envs.execution import optional_method
 from duobench.policy.interruptible import InterruptiblePolicy
 from duobench.policy.policy import Policy, as_chunk, check_fits
+from duobench.results.suite import PAPER_EXECUTE
 from duobench.teleop.intent import Intent, TeleopDevice
 from duobench.teleop.messages import Alone, Message, Why
 
@@ -32,7 +33,8 @@ NO_ARMS = (False, False)
 class PolicyLeader:
     """A policy that is asked as in an evaluation, in a thread of its own.
 
-    Its cameras are rendered when it is asked, and at no other step.
+    Its cameras are rendered when it is asked, and at no other step. Of a chunk at most as many
+    actions are executed as in the paper.
 
     Args:
         env: The environment, which the policy fits.
@@ -112,13 +114,13 @@ class PolicyLeader:
             self._begun.result()
             self._begun = None
         (size,) = self._env.action_space.shape or (0,)
-        self._chunk = list(as_chunk(answer.result(), size))
+        self._chunk = list(as_chunk(answer.result(), size)[:PAPER_EXECUTE])
         wanted = getattr(self._asked, "intended_action", None)
         if wanted is not None:
             self._intend(wanted)
 
 
-class Leading:
+class SharedControl:
     """Decides each step who leads both arms: the hands, or a policy until they take over.
 
     Without a policy the hands always do. With one, a squeeze takes over, and its release gives back

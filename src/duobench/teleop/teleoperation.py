@@ -51,7 +51,7 @@ from duobench.teleop.messages import (
 from duobench.teleop.pace import Pace
 from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
 from duobench.teleop.plan import TaskProgress
-from duobench.teleop.policy_leader import Leading, PolicyLeader
+from duobench.teleop.policy_leader import PolicyLeader, SharedControl
 from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.web.messages import SelectItem
 from duobench.world.looks.catalog import DEFAULT
@@ -184,7 +184,7 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
-        self.leading = Leading(env, device, policy)
+        self.leading = SharedControl(env, device, policy)
         """Who leads: the operator or a policy."""
         self.chosen = ""
         """Id of the task that the operator wants to lead next, where the session ends for it."""
@@ -612,7 +612,7 @@ class Teleoperation:
 
     def _attempt(self, reason: str | None) -> Attempt:
         success = bool(self._info["success"])
-        actor = self.env.actor
+        actor = replace(self.env.actor, device=self.env.device or self.env.actor.device)
         return Attempt(
             task=self.env.task,
             episode=self.number,
@@ -622,7 +622,7 @@ class Teleoperation:
             kept=reason is None,
             error=reason,
             layout=self._layout,
-            actor=replace(actor, device=self.env.device or actor.device),
+            actor=actor if self.leading.status is None else None,
         )
 
     def _arrange(self, message: Instruction | Operator | SelectItem) -> None:
