@@ -36,6 +36,7 @@ class Led:
 
     def __init__(self, session: Teleoperation, server: PageServer, page: Page) -> None:
         self.session, self.page = session, page
+        self._server = server
         self.samples: list[dict[str, Any]] = []
         """Every message of hands, in order."""
         self._arrivals: list[float] = []
@@ -59,6 +60,12 @@ class Led:
         last = len(self.samples) + messages - 1
         while len(self.samples) <= last or (self._executed_s < self._arrivals[last]):
             self.turn()
+
+    def cut(self) -> None:
+        """Cut the connection of who drives, as a network does: nobody says goodbye."""
+        driver = self._server._driver
+        assert driver is not None
+        self._server._server.call(driver.drop)
 
     @property
     def _executed_s(self) -> float:

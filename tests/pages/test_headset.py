@@ -1,5 +1,6 @@
 """A headset in a real browser, imitated by iwer: no real one has been tried."""
 
+import ast
 import math
 import os
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import duobench
 from duobench.envs.duo_env import base_of
+from duobench.tasks import catalog
 from duobench.web.geometry import Geometry
 from duobench.world.robot.cameras import CAMERAS, HEAD, HEAD_PITCH
 from duobench.world.robot.workcell import FLOOR_Z
@@ -238,6 +240,119 @@ def test_a_cut_and_what_became_of_the_role_are_said_on_the_board(page: Operated)
     assert "to take over" in board(page)
 
 
+SOURCE = Path(duobench.__file__).parent
+LONG_WORD = "/data/demonstrations/00042.duo"
+"""What may stand for a field of a sentence."""
+
+
+def sentences() -> list[str]:
+    """What a session of the simulation or of a rig can say, with long words where it puts others.
+
+    Every text in their code that ends as a sentence, those of errors too: all of them can come to
+    the board as a note.
+    """
+    found = set[str]()
+    for folder in ("teleop", "real/sessions"):
+        for file in sorted((SOURCE / folder).rglob("*.py")):
+            tree = ast.parse(file.read_text(encoding="utf-8"))
+            said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+            parts = {
+                id(part)
+                for node in ast.walk(tree)
+                if isinstance(node, ast.JoinedStr)
+                for part in node.values
+            }
+            for node in ast.walk(tree):
+                if id(node) in said | parts:  # documentation, or a part of another text
+                    continue
+                text = words_of(node)
+                if " " in text and text.rstrip()[-1:] in {".", "?", "…"}:
+                    found.add(" ".join(text.split()))
+    return sorted(found)
+
+
+def words_of(node: ast.AST) -> str:
+    """Text of a literal, with a long word for each of its fields."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.JoinedStr(values=values):
+            return "".join(words_of(value) for value in values)
+        case ast.FormattedValue():
+            return LONG_WORD
+    return ""
+
+
+READ = """async ([tasks, notes]) => {
+  const { Board } = await import("/board.js");
+  const { Words } = await import("/words.js");
+  const noGraphics = new Proxy({}, { get: () => () => ({}) }); // which only show the same again
+  const board = new Board(noGraphics);
+  const words = new Words();
+  const pen = board.paper.getContext("2d");
+  const { width, height } = board.paper;
+  /** Whether a rectangle of the canvas has letters on it. */
+  const isWritten = (x, y, across, down) => {
+    const { data } = pen.getImageData(x, y, across, down);
+    for (let i = 0; i < data.length; i += 4) if (data[i] > 100) return true;
+    return false;
+  };
+  const wrong = [];
+  let [least, count] = [Infinity, 0];
+  const read = (status, more) => {
+    words.status = status;
+    const lines = words.onBoard(more);
+    board.show(lines);
+    count += 1;
+    const { rows } = board;
+    const last = rows.at(-1);
+    least = Math.min(least, last.size);
+    const isWhole = rows.map(({ row }) => row).join("").replace(/\\s/g, "") ===
+      lines.join("").replace(/\\s/g, "");
+    const isInside = !isWritten(0, height - 8, width, 8) && !isWritten(width - 16, 0, 16, height);
+    const isThere = isWritten(0, Math.floor(last.y - last.size), width, Math.ceil(1.3 * last.size));
+    if (!isWhole || !isInside || !isThere || last.y > height) wrong.push(lines);
+  };
+  for (const task of tasks) {
+    for (const note of notes) {
+      const status = { ...task, note, kept: 10, wanted: 50, discarded: 12, led_s: 175,
+        clutch: {}, state: "waiting" };
+      words.role = { role: "viewer", drivers: 1 };
+      read(status, { asked: 0.5, ms: 1234 });
+      words.role = { role: "driver", drivers: 1 };
+      read(status, { isBare: true, ms: 1234 });
+    }
+    words.cut();
+    read({ ...task, note: notes[0], state: "paused" }, {});
+  }
+  return { wrong, least, count };
+}"""
+LEAST_LETTERS = 18
+"""Pixels of letters that are read on the board: half a degree high where the head is."""
+
+
+@pytest.mark.slow
+def test_every_note_of_every_task_is_on_the_board(page: Operated) -> None:
+    notes = [*sentences(), " ".join([LONG_WORD] * 4)]
+    assert "Lead a tool to begin." in notes
+    assert any("mergency" in note or "held" in note for note in notes)  # of a rig
+    assert len(notes) > 30
+    tasks = [
+        {
+            "instruction": max(task.instructions, key=len),
+            "next": max((stage.instruction for stage in task.stages), key=len),
+            "stage": 1,
+            "max_stage": task.max_stage,
+        }
+        for task in map(catalog.get, catalog.names())
+    ]
+    assert len(tasks) == 11
+    found = page.page.evaluate(READ, [tasks, notes])
+    assert found["count"] > 2 * len(tasks) * len(notes)
+    assert found["wrong"] == []
+    assert found["least"] >= LEAST_LETTERS
+
+
 def test_both_sticks_hold_the_arms(page: Operated) -> None:
     enter(page)
     press(page, "left", "thumbstick", 1)
@@ -276,6 +391,24 @@ const poses = {
 window.shape = (side, isHeld, trigger) => {
   inner(worn.hands[side]).poses = isHeld ? poses.held : poses.open;
   worn.hands[side].updatePinchValue(trigger);
+};
+/** How far iwer's pinch has to go for a trigger: from 7 cm between the tips to 2 cm. */
+window.pinchFor = (trigger) => {
+  const between = ({ jointTransforms }) => {
+    const [thumb, index] = ["thumb-tip", "index-finger-tip"].map((joint) =>
+      jointTransforms[joint].offsetMatrix.slice(12, 15));
+    return thumb.map((value, i) => value - index[i]);
+  };
+  const [apart, touching] = [between(poses.open.default), between(poses.open.pinch)];
+  const length = (share) =>
+    Math.hypot(...apart.map((value, i) => value * (1 - share) + touching[i] * share));
+  let [low, high] = [0, 1];
+  for (let i = 0; i < 40; i++) {
+    const middle = (low + high) / 2;
+    if (length(middle) > 0.07 - 0.05 * trigger) low = middle;
+    else high = middle;
+  }
+  return low;
 };
 shape("left", false, 0);
 shape("right", false, 0);

@@ -89,7 +89,7 @@ def test_a_take_kept_by_mistake_is_out_of_the_next_export_after_one_click(
 
 def test_keys_say_the_same_about_the_take_that_is_shown(window: Browser, data: DataSet) -> None:
     with shown(window, data) as page:
-        page.get_by_label("Operator").select_option("P07")
+        page.locator("#takes").get_by_label("Operator").select_option("P07")
         until(page, "document.querySelectorAll('#takes tbody tr').length == 2")
         page.get_by_label("Your pseudonym").fill("P23")
         page.get_by_label("Note").fill("y")  # what is typed decides nothing

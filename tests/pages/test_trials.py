@@ -68,6 +68,12 @@ def start(page: Page) -> None:
     until(page, "document.querySelector('.state').textContent == 'The policy plays'")
 
 
+def first_chunk() -> None:
+    """Let the policy give its first commands; before them nothing counts."""
+    toys.Patient.gate.release()
+    assert toys.Patient.waiting.acquire(timeout=toys.TIMEOUT_S)
+
+
 def stage(page: Page) -> int:
     return page.locator(".stage-keys [aria-pressed=true]").count()
 
@@ -171,6 +177,7 @@ def test_note_stays_and_closes_nothing(window: Browser, led: Led) -> None:
 def test_space_bar_holds_whatever_has_the_focus(window: Browser, led: Led) -> None:
     with opened(window, led.stand.server.url, PHONE) as page:
         start(page)
+        first_chunk()
         page.focus(".stage-keys button")
         page.keyboard.press("Space")
         for _ in range(500):
@@ -193,6 +200,7 @@ def test_space_bar_holds_whatever_has_the_focus(window: Browser, led: Led) -> No
 def test_emergency_stop_is_asked_about_and_cannot_count(window: Browser, led: Led) -> None:
     with opened(window, led.stand.server.url) as page:
         start(page)
+        first_chunk()
         assert "policy hidden" in (page.locator(".where").text_content() or "")
         led.stand.duo.arms[Side.LEFT].fail("User Stop", FaultKind.PERSON)  # type: ignore[attr-defined]
         toys.Patient.gate.release()
@@ -233,7 +241,7 @@ def test_second_browser_watches(window: Browser, led: Led) -> None:
         other.click("#hold")
         wait_until(lambda: led.stand.duo.held == HELD_BY_OPERATOR)
         other.click(".role button")
-        until(page, "document.querySelector('#placed').hidden")
+        until(page, "!document.querySelector('#placed')")
         shown(other, "#placed")
 
 

@@ -52,24 +52,27 @@ class Shown:
         task = get(TASK)
         self.sim = Simulation(task.props, task.overview)
         placement.first_valid(self.sim, task.layouts(3), task.id)
-        command = self.sim.duo.command()
-        joints = command.joints.copy()
-        joints[Side.RIGHT.index, 1] += 0.4
-        self.sim.duo.set_configuration(DuoCommand(joints=joints, openings=command.openings))
-        self.sim.forward()
-        self.sim.contacts.update()
+        self.turn(0.4)
         self.geometry = Geometry(self.sim.model, LOOK, cameras=True)
-        self.rows = PlumbLines(self.sim).rows()
         self.server = PageServer(assets())
         self.server.listen(Message, lambda _message: None)
         self.server.publish_scene(self.geometry.name, self.geometry.data)
 
-    def show(self, *, tools: bool = True, **status: Any) -> None:
-        """Show a status, and a frame with or without the tools."""
+    def turn(self, angle: float) -> None:
+        """Turn the shoulder of the right arm."""
+        command = self.sim.duo.command()
+        joints = command.joints.copy()
+        joints[Side.RIGHT.index, 1] += angle
+        self.sim.duo.set_configuration(DuoCommand(joints=joints, openings=command.openings))
+        self.sim.forward()
+        self.sim.contacts.update()
+        self.rows = PlumbLines(self.sim).rows()
+
+    def show(self, **status: Any) -> None:
+        """Show a status, and where everything is."""
         self.server.publish_status(LED | status)
         poses = self.geometry.poses(self.sim.data)
-        rows = self.rows if tools else None
-        self.server.publish_frame(pack_frame(poses, 0, 0.0, tools=rows))
+        self.server.publish_frame(pack_frame(poses, 0, 0.0, tools=self.rows))
 
 
 @pytest.fixture(scope="module")

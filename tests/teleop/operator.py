@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from duobench.core.spatial import SE3
-from duobench.core.types import CONTROL_HZ, SIDES
+from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.envs.sim_env import sim_of
 from duobench.tasks.experts.expert import find_script
 from duobench.tasks.experts.motion import Arms
 from duobench.teleop.messages import Message
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.messages import reader
+from duobench.world.kinematics.inverse import Kinematics
 
 ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)
 """The operator stands somewhere else; the axes are those of the room."""
@@ -65,6 +66,7 @@ class Operator:
     def __init__(self, session: Teleoperation, number: int = 0) -> None:
         self._session, self._number = session, number
         self._arms: Arms | None = None
+        self._kinematics = Kinematics()
 
     def next_message(self) -> bytes:
         """What the page would send now."""
@@ -79,6 +81,19 @@ class Operator:
             next(self._script, None)
         self._number += 1
         return message(self._number, *(self._hand(side, squeeze) for side in SIDES))
+
+    def tools(self) -> dict[Side, SE3]:
+        """Where the tools were led last."""
+        command = sim_of(self._session.env).backend.last_command
+        return dict(self._kinematics.forward(command.joints))
+
+    def at_tools(self, squeeze: float) -> dict[str, Any]:
+        """Both hands as they hold the tools where these were led last."""
+        hands = {}
+        for side, tool in self.tools().items():
+            pose = ROOM_FROM_WORLD @ tool @ HELD[side]
+            hands[str(side)] = {**self._hand(side, squeeze), "pose": hand(pose)["pose"]}
+        return hands
 
     def _begin(self) -> None:
         env = sim_of(self._session.env)

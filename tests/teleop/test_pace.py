@@ -27,11 +27,18 @@ def turn(pace: Pace, *, leads: bool = False, asked: float = 1.0, measured: float
     return pace.runs(Intent(action=action, clutch=(leads, leads), leads=leads), state)
 
 
-def steps(pace: Pace, turns: int, *, is_at_rest: bool = True, **more: float) -> int:
+def steps(
+    pace: Pace,
+    turns: int,
+    *,
+    is_at_rest: bool = True,
+    asked: float = 1.0,
+    measured: float = 1.0,
+) -> int:
     """The number of control steps in some turns that nobody leads."""
     count = 0
     for _ in range(turns):
-        if turn(pace, **more):
+        if turn(pace, asked=asked, measured=measured):
             pace.note_step(is_at_rest=is_at_rest)
             count += 1
     return count

@@ -21,7 +21,7 @@ from duobench.data import Actor, DataSet, Recording, summarize
 from duobench.tasks import catalog
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.plan import Plan, PlannedSessions
-from duobench.teleop.teleoperation import Teleoperation, TeleopState, make_recorder
+from duobench.teleop.teleoperation import DISCARDED, KEPT, Teleoperation, TeleopState, make_recorder
 from tests.docs.markdown import page_of, text_of
 from tests.teleop.operator import hand, message
 from tests.teleop.test_session import PERSON, Desk
@@ -95,9 +95,9 @@ def test_in_each_round_of_the_protocol_every_layout_is_led_once(tmp_path: Path) 
     desk = PlanDesk(tmp_path, "carry_pot x 2 x 2")
     seen = []
     for answer in ("discard", "keep", "keep", "keep", "keep"):
-        seen.append(desk.session._info["seed"])
+        seen.append(desk.session._layout)
         desk.take(answer)
-    assert seen == [episode_seed("carry_pot", each, TRAIN) for each in (0, 1, 0, 1, 0)]
+    assert seen == [0, 1, 0, 1, 0]
     assert desk.state is TeleopState.OVER
     desk.plan.__exit__(None)
 
@@ -191,6 +191,21 @@ def test_a_task_that_the_operator_chooses_comes_next_and_discarded_takes_wait(
     desk.take()
     assert desk.state is TeleopState.OVER
     assert desk.items()["carry_pot"] == "2 of 2 · P07 2"
+    desk.plan.__exit__(None)
+
+
+def test_kept_is_said_before_the_next_layout_is_prepared(tmp_path: Path) -> None:
+    desk = PlanDesk(tmp_path)
+    said = []
+    desk.session.before_reset = lambda: said.append(
+        (desk.state, desk.status("note"), desk.status("kept"), desk.status("step") > 0)
+    )
+    desk.take()
+    desk.take("discard")
+    assert said == [
+        (TeleopState.PREPARING, KEPT, 1, True),
+        (TeleopState.PREPARING, DISCARDED, 1, True),
+    ]
     desk.plan.__exit__(None)
 
 

@@ -374,6 +374,7 @@ def test_solved_is_kept_where_the_session_ends_before_the_recording(
     assert (attempt.success, attempt.kept) == (True, True)
 
 
+@pytest.mark.slow
 def test_solved_is_taken_back(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.lead(5)
@@ -389,6 +390,7 @@ def test_solved_is_taken_back(tmp_path: Path) -> None:
     assert DataSet(tmp_path).episodes() == []
 
 
+@pytest.mark.slow
 def test_stages_are_pressed_while_arms_are_led(tmp_path: Path) -> None:
     """At the terminal and at the page; corrected before the episode is kept."""
     bench = Bench(tmp_path)
@@ -419,6 +421,7 @@ def test_stages_are_pressed_while_arms_are_led(tmp_path: Path) -> None:
     assert sorted(set(episode.stage.tolist())) == [0, 1, 2]
 
 
+@pytest.mark.slow
 def test_page_leads_from_grippers_that_are_off_to_a_kept_episode(tmp_path: Path) -> None:
     """Nobody touches the terminal; who watches may hold."""
     bench = Bench(tmp_path, rig=quick_rig(cameras=True), task="bin_sort", is_ready=False)
@@ -517,6 +520,7 @@ def test_stop_holds_arms_that_go_home_and_ends_the_session(tmp_path: Path) -> No
     bench.session.close()
 
 
+@pytest.mark.slow
 def test_session_that_ends_between_episodes_notes_none(tmp_path: Path) -> None:
     bench = Bench(tmp_path, episodes=3)
     bench.lead(10)

@@ -1,6 +1,7 @@
 """Rows in which an operator led nothing, and nothing moved."""
 
 from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,9 +20,11 @@ STILL_TOOL = 5e-4
 """The same of a measured tool, whose joints are noisy."""
 STILL_ANGLE = 3e-4
 """The same in radians."""
+STILL_ROTATION = STILL_ANGLE / 2
+"""The same of the numbers of a quaternion."""
 STILL_OPENING = 5e-3
 """The same of a measured opening."""
-STILL_TARGET = 1e-5
+STILL_TARGET = 1e-4
 """The same of a commanded target, in radians or as an opening."""
 DRIFT = 10.0
 """How often as far anything may move all through rows that are left out: 1 mm, 3 mrad."""
@@ -33,11 +36,12 @@ def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     """Which rows of some that follow each other are idle.
 
     What is seen behind rows that are left out is, but for a small drift, what the last one that is
-    used led to, and no further from that one than a step leads anywhere in the episode; a slow
-    motion keeps as many rows as that needs.
+    used led to, and no further from that one than a step leads somewhere in the episode: joints,
+    tools, objects. A slow motion keeps as many rows as that needs.
     """
     first, end = span
-    seen = _poses(recording, task)
+    poses, units = _poses(recording, task)
+    seen = poses / units
     judged = np.column_stack(
         [recording.stage, recording.success, recording.success_at_end]
     )
@@ -48,7 +52,10 @@ def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
     idle = np.zeros(end - first, np.bool_)
     motions = np.abs(np.diff(seen, axis=0))
     is_active |= motions.max(axis=1) > 1.0
-    largest = np.maximum(motions.max(axis=0), 1.0)
+    largest = np.empty(len(units))
+    for unit in np.unique(units):  # each kind has its own
+        kind = units == unit
+        largest[kind] = max(motions[:, kind].max(), 1.0)
     was, rest, told = seen[first], seen[first], sent[first]
     for row in range(first, end):
         drifts = (np.abs(seen[row + 1] - was) > largest).any()
@@ -68,22 +75,20 @@ def _asks(recording: Recording) -> NDArray[np.bool_]:
     return np.asarray(sides[..., :-1].any(axis=(1, 2)))
 
 
-def _poses(recording: Recording, task: str) -> Array:
-    """Poses (T + 1, n) in units of what counts as rest.
+def _poses(recording: Recording, task: str) -> tuple[Array, Array]:
+    """Poses (T + 1, n), and what counts as rest for each of their numbers (n,).
 
     They are those of the arms as measured, and of everything where states are known.
     """
     joints = np.full(FLAT_SIZE, STILL_ANGLE)
     joints[list(OPENING_SLOTS)] = STILL_OPENING
-    tools = recording.tcp_pose.reshape(len(recording) + 1, len(SIDES), -1)[..., :3]
-    poses = [
-        recording.agent_pos / joints,
-        tools.reshape(len(recording) + 1, -1) / STILL_TOOL,
-    ]
+    tool = [STILL_TOOL] * 3 + [STILL_ROTATION] * 4
+    poses: list[NDArray[Any]] = [recording.agent_pos, recording.tcp_pose]
+    units = [joints, np.array(tool * len(SIDES))]
     if not recording.info.is_real:
-        units = _units(task)
-        poses.append(recording.state[:, _QPOS : _QPOS + len(units)] / units)
-    return np.hstack(poses)
+        units.append(_units(task))
+        poses.append(recording.state[:, _QPOS : _QPOS + len(units[-1])])
+    return np.hstack(poses, dtype=np.float64), np.hstack(units)
 
 
 @lru_cache(maxsize=1)
@@ -94,9 +99,9 @@ def _units(task: str) -> Array:
     for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True):
         if kind == mujoco.mjtJoint.mjJNT_FREE:
             units[place : place + 3] = STILL
-            units[place + 3 : place + 7] = STILL_ANGLE / 2  # of a quaternion
+            units[place + 3 : place + 7] = STILL_ROTATION
         elif kind == mujoco.mjtJoint.mjJNT_BALL:
-            units[place : place + 4] = STILL_ANGLE / 2
+            units[place : place + 4] = STILL_ROTATION
         elif kind == mujoco.mjtJoint.mjJNT_SLIDE:
             units[place] = STILL
     return units

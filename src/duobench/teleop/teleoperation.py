@@ -612,7 +612,7 @@ class Teleoperation:
 
     def _attempt(self, reason: str | None) -> Attempt:
         success = bool(self._info["success"])
-        actor = self.env.actor
+        actor = replace(self.env.actor, device=self.env.device or self.env.actor.device)
         return Attempt(
             task=self.env.task,
             episode=self.number,
@@ -622,7 +622,7 @@ class Teleoperation:
             kept=reason is None,
             error=reason,
             layout=self._layout,
-            actor=replace(actor, device=self.env.device or actor.device),
+            actor=actor if self.leading.status is None else None,
         )
 
     def _arrange(self, message: Instruction | Operator | SelectItem) -> None:

@@ -78,7 +78,7 @@ def terminal(*words: str) -> Iterator[Terminal]:
 def test_lost_terminal_holds_the_arms_and_keeps_what_was_recorded(tmp_path: Path) -> None:
     words = ("--rig", str(simulated_file(tmp_path)), "--out", str(tmp_path / "data"))
     with terminal(*RECORD, *words, "--horizon", "9000") as operator:
-        for words, key in (("h: they go home", "h"), ("p: placed", "p"), ("It plays", "1")):
+        for words, key in (("h: Nobody is near", "h"), ("p: Placed", "p"), ("It plays", "1")):
             operator.until(words)
             operator.press(key)
         os.close(operator.master)
@@ -94,10 +94,10 @@ def test_ctrl_c_at_a_question_leaves_the_next_one_to_hold(tmp_path: Path) -> Non
     out = str(tmp_path / "data")
     words = ("--rig", rig, "--out", out, "--horizon", "9000", "--episodes", "1")
     with terminal(*RECORD, *words) as operator:
-        operator.until("h: they go home")
+        operator.until("h: Nobody is near")
         operator.press(CTRL_C)
         operator.until("The arms are held")
-        for key, words_then in (("h", "p: placed"), ("p", "It plays")):
+        for key, words_then in (("h", "p: Placed"), ("p", "It plays")):
             operator.press(key)
             operator.until(words_then)
         operator.press(CTRL_C)
@@ -164,7 +164,8 @@ def test_ctrl_c_at_a_later_question_of_leading_ends_the_session(tmp_path: Path) 
     rig = str(simulated_file(tmp_path))
     words = ("real", "teleop", "bin_sort", "--rig", rig, "--out", str(tmp_path / "data"))
     with terminal(*words) as operator:
-        for awaited, key in (("h: go home", "h"), ("Ctrl-C ends", " "), ("h: go home", CTRL_C)):
+        keys = (("Open http", ""), ("h: Nobody is near", "h"), ("p: Placed", " "))
+        for awaited, key in (*keys, ("h: Nobody is near", CTRL_C)):
             operator.until(awaited)
             operator.press(key)
         operator.until("the session ends")

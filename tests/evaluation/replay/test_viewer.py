@@ -160,7 +160,7 @@ def test_what_cannot_be_shown_says_why(page):
         ({"kind": "seek", "step": -1}, "`int` >= 0"),
         ({"kind": "seek", "step": 1.5}, "Expected `int`, got `float`"),
         ({"kind": "play", "on": 1}, "Expected `bool`, got `int`"),
-        ({"kind": "review", "id": "a", "kept": False}, "Nothing is said about"),
+        ({"kind": "review", "id": "a", "kept": False}, "A second look is taken"),
         ({"kind": "review", "id": "a", "rows": [-1, 3]}, "`int` >= 0"),
         ({"kind": "hands", "left": None}, "Invalid value 'hands'"),
     ],

@@ -152,7 +152,7 @@ class Viewer:
         ):
             raise MessageError(f"There is no {command.id!r} to show.")
         if isinstance(command, ReviewTake) and not isinstance(self._source, DataSource):
-            raise MessageError("Nothing is said about episodes of a run.")
+            raise MessageError("A second look is taken at recordings alone.")
         try:
             self._commands.put_nowait(command)
         except queue.Full:

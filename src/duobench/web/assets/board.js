@@ -59,7 +59,7 @@ export class Board {
     const text = lines.join("\n");
     if (text === this.#shown) return;
     this.#shown = text;
-    const pen = this.#paper.getContext("2d");
+    const pen = this.#paper.getContext("2d", { willReadFrequently: true });
     pen.fillStyle = PAPER;
     pen.fillRect(0, 0, WIDTH, HEIGHT);
     pen.fillStyle = INK;
@@ -169,6 +169,7 @@ function wrapped(pen, line) {
 
 /** A word in parts that fit into a row. */
 function broken(word, fits) {
+  if (fits(word)) return [word];
   const parts = [""];
   for (const letter of word) {
     if (fits(parts.at(-1) + letter)) parts[parts.length - 1] += letter;

@@ -87,7 +87,10 @@ class LongPress {
 export class Headset {
   /** Called when a session has begun or ended. */
   onChange = () => {};
-  /** Called with the graphics; gives small pictures for a board of their own, where one is new. */
+  /**
+   * Called with the graphics, and whether pictures are wanted in any case; gives small ones for a
+   * board of their own, or null where none is new.
+   */
   pictures = () => null;
   /** Gives what the board in the scene says, by what is held and whether hands are bare. */
   words = () => [];
@@ -349,7 +352,7 @@ export class Headset {
     const pose = frame.getViewerPose(this.#world);
     this.#board ??= new Board(gl);
     this.#board.show(this.#placing ? PLACING : this.lines);
-    const pictures = this.pictures(gl);
+    const pictures = this.pictures(gl, !this.#gallery);
     if (pictures) (this.#gallery ??= new Board(gl, ABOVE)).hang(pictures);
     gl.bindFramebuffer(gl.FRAMEBUFFER, layer.framebuffer);
     gl.clearColor(...(this.#isSeeThrough ? [0, 0, 0, 0] : [0.85, 0.87, 0.89, 1]));

@@ -278,6 +278,7 @@ class Panel {
       side,
       button(name, () => (hands.active = side)),
     ]);
+    for (const [side, each] of arms) each.dataset.side = side; // in the colour of its marks
     const mirrored = button("Mirrored", () => (hands.isMirrored = !hands.isMirrored));
     const mark = () => {
       for (const [side, each] of arms) each.setAttribute("aria-pressed", side === hands.active);

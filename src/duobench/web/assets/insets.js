@@ -91,14 +91,15 @@ export class Insets {
     return old.length > 1;
   }
 
-  /** The same for a headset: all pictures from left to right, where one was drawn anew. */
-  pictures(gl, scene) {
+  /** The same for a headset: all pictures from left to right, if one was drawn anew or always. */
+  pictures(gl, scene, isAlways) {
     const before = this.#turn;
     this.paint(gl, scene);
     const order = ["left_wrist", "head", "right_wrist"];
     const place = ({ camera }) => order.indexOf(camera.name);
     const tiles = this.#tiles.toSorted((one, other) => place(one) - place(other));
-    return this.#turn === before ? null : tiles.map(({ picture }) => picture);
+    const isNew = isAlways || this.#turn !== before;
+    return isNew && tiles.length ? tiles.map(({ picture }) => picture) : null;
   }
 
   #draw(gl, scene, poses, { camera, picture, pen }) {

@@ -15,6 +15,7 @@ const FRAME_HEAD = 24; // bytes of a frame before its poses
 
 /** What comes from the server, on the page. */
 class Live {
+  #canvas;
   #view;
   #status;
   #cameras;
@@ -36,6 +37,7 @@ class Live {
 
   constructor() {
     const canvas = document.querySelector("canvas");
+    this.#canvas = canvas;
     this.#view = new View(canvas);
     const isCovered = () => this.#view.isCovered();
     const cameras = document.querySelector("#cameras");
@@ -138,7 +140,7 @@ class Live {
       this.#drawMarks();
       hands.latency.drawn((call) => requestAnimationFrame(call));
     };
-    headset.pictures = (gl) => this.#insets.pictures(gl, this.#view.scene);
+    headset.pictures = (gl, isAlways) => this.#insets.pictures(gl, this.#view.scene, isAlways);
     const mark = hands.onActive;
     hands.onActive = () => {
       mark();
@@ -167,7 +169,7 @@ class Live {
   }
 
   #drawMarks() {
-    const canvas = document.querySelector("canvas");
+    const canvas = this.#canvas;
     const active = this.#status.isDriver && this.#hands ? this.#hands.sides : [];
     this.#marks.active = this.#insets.active = active;
     this.#marks.draw(this.#view.orbit, canvas.clientWidth, canvas.clientHeight);

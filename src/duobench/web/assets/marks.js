@@ -83,7 +83,7 @@ export class Marks {
         path.setAttribute("d", pathOf(lines[what] ?? [], view, projection, width, height));
       }
       label.setAttribute("transform", `translate(${at[0].toFixed(1)} ${at[1].toFixed(1)})`);
-      const isLeft = at[0] < 90; // no room for words to the left
+      const isLeft = at[0] < (this.limited[side] ? 170 : 90); // no room for words to the left
       label.dataset.at = isLeft ? "right" : "left";
       write(name, `${NAMES[side]}${this.limited[side] ? " · kept back" : ""}`);
       write(number, Number.isNaN(tool.length) ? "" : `${Math.round(1000 * tool.length)} mm`);

@@ -80,6 +80,8 @@ export class Status {
     this.#part(".state").dataset.state = success ? "success" : stands ? "" : (state ?? "");
     this.#write(".note", panel?.todo ?? note);
     this.#part("#holding").hidden = !panel;
+    const { led_s: led, limit_s: limit } = status;
+    this.#write(".led", led === undefined ? "" : `${Math.floor(led)} of ${limit} s led`);
     this.#showStages(status);
     this.#showFacts(status);
     this.#showTimeline(status);
@@ -144,14 +146,13 @@ export class Status {
 
   #showFacts(status) {
     const { count, kept, wanted, discarded, latency_ms: served, lost, clutch } = status;
-    const { state, pace, led_s: led, limit_s: limit, policy } = status;
+    const { state, pace, policy } = status;
     const seen = this.latency();
     const said = (ms) => (ms === null || ms === undefined ? null : `${Math.round(ms)} ms`);
     const held = clutch && ["left", "right"].filter((side) => clutch[side]);
     const facts = {
       Episode: count,
       Leads: policy ? (policy.leads ? policy.name : "you") : undefined,
-      Led: led === undefined ? undefined : `${Math.floor(led)} of ${limit} s`,
       World: !RUNNING.includes(state) || policy?.leads ? undefined : WORLD[pace],
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
       Discarded: discarded || null,

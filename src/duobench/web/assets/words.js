@@ -57,14 +57,14 @@ export class Words {
    * hands without controllers are tracked, `ms` the time from hand to picture.
    */
   onBoard({ asked = 0, isBare = false, ms = null } = {}) {
-    const { instruction, next, note, state, discarded } = this.status;
+    const { instruction, next, note, state, discarded, panel } = this.status;
     const hints = isBare ? BARE : HINTS;
     const lines = [
       this.#link && this.#said,
       !this.#isDriving && this.#link !== "lost" && this.#way(isBare),
       asked > 0 && bar(asked),
       instruction,
-      note,
+      panel?.todo ?? note,
       next && `Next: ${next}`,
       this.#facts(ms),
       this.#isDriving && hints[state],
