@@ -187,7 +187,7 @@ def test_a_task_is_solved_though_the_connection_is_cut_twenty_times(tmp_path: Pa
             while session.state is TeleopState.RECORDING and not all(session.device.clutch):
                 one.turn()
     assert cuts == CUTS
-    assert touched == {"pot"}
+    assert touched == {"pot/left_handle", "pot/right_handle"}
     check_solved(tmp_path, actor)
 
 
