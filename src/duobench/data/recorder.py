@@ -295,7 +295,8 @@ class Recorder(DuoWrapper):
             self._devices[place] = self.device
         actors = tuple(map(self._with_device, range(len(self._leaders))))
         if actors != episode.info.actors:
-            leaders = actors if len(actors) > 1 else ()
+            is_shared = len(self._leaders) > 1
+            leaders = actors if is_shared else ()
             episode.note(actor=actors[0], leaders=leaders)
 
     def _with_device(self, place: int) -> Actor:
