@@ -269,7 +269,11 @@ def append_line(path: Path, line: bytes, *, wait_s: float = LOG_WAIT_S) -> None:
         OutputError: It cannot be written, or another process writes for longer than `wait_s`.
     """
     with writing(path), path.open("a+b", buffering=0) as file:
-        lock(file.fileno(), path, wait_s=wait_s)
+        lock(
+            file.fileno(),
+            path,
+            wait_s=wait_s,
+        )
         end = file.seek(0, os.SEEK_END)
         file.seek(max(0, end - 1))
         begin = b"" if file.read(1) in {b"", b"\n"} else b"\n"

@@ -84,7 +84,11 @@ def _judged(data: DataSet, attempt: Attempt, reviews: Reviews) -> Attempt:
         kept = reviews.of(path).kept if path.exists() else None
     if kept is None or kept == attempt.kept:
         return attempt
-    return replace(attempt, kept=kept, error=None if kept else DISCARDED)
+    return replace(
+        attempt,
+        kept=kept,
+        error=None if kept else DISCARDED,
+    )
 
 
 def led_tasks(data: DataSet) -> list[str]:

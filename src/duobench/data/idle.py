@@ -96,7 +96,11 @@ def _units(task: str) -> Array:
     """What counts as rest for each coordinate (nq,) of a task's simulation."""
     model = Simulation(catalog.get(task).props).model
     units = np.full(model.nq, STILL_ANGLE)
-    for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True):
+    for kind, place in zip(
+        model.jnt_type,
+        model.jnt_qposadr,
+        strict=True,
+    ):
         if kind == mujoco.mjtJoint.mjJNT_FREE:
             units[place : place + 3] = STILL
             units[place + 3 : place + 7] = STILL_ROTATION

@@ -110,7 +110,13 @@ class UsedRows:
             idle = tuple(span for span in self.idle if _is_in(span, within))
             left_out = {} if parts else self.left_out
             if spans:
-                parts.append(UsedRows(spans=spans, idle=idle, left_out=left_out))
+                parts.append(
+                    UsedRows(
+                        spans=spans,
+                        idle=idle,
+                        left_out=left_out,
+                    )
+                )
         return tuple(parts)
 
     def steps(self, every: int = 1) -> Steps:
@@ -203,5 +209,17 @@ def _numbers(spans: Sequence[Span]) -> NDArray[np.int64]:
 
 def _spans(mask: NDArray[np.bool_]) -> tuple[Span, ...]:
     """The rows that a mask (T,) marks, as spans."""
-    bounds = np.flatnonzero(np.diff(mask, prepend=False, append=False)).tolist()
-    return tuple(zip(bounds[::2], bounds[1::2], strict=True))
+    bounds = np.flatnonzero(
+        np.diff(
+            mask,
+            prepend=False,
+            append=False,
+        )
+    ).tolist()
+    return tuple(
+        zip(
+            bounds[::2],
+            bounds[1::2],
+            strict=True,
+        )
+    )

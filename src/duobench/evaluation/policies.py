@@ -104,7 +104,11 @@ def actor_of(choice: PolicyChoice, metadata: PolicyMetadata) -> Actor:
     """The actor that recordings name for a policy."""
     is_expert = choice.kind is PolicyKind.EXPERT
     kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
-    return Actor(kind=kind, name=choice.name, version=metadata.version)
+    return Actor(
+        kind=kind,
+        name=choice.name,
+        version=metadata.version,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

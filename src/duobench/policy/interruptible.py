@@ -32,7 +32,11 @@ class InterruptiblePolicy:
         self._answer.set_result(None)
         self._calls: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]
         self._calls = queue.SimpleQueue()
-        threading.Thread(target=self._work, name="policy", daemon=True).start()
+        threading.Thread(
+            target=self._work,
+            name="policy",
+            daemon=True,
+        ).start()
 
     def __getattr__(self, name: str) -> Any:
         """Other attributes of the policy, such as `intended_action`."""

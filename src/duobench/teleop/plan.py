@@ -75,7 +75,9 @@ class Plan:
             raise OptionError(f"A plan is {FORM}; got {text!r}.")
         layouts, *times = numbers
         return Plan(
-            tasks=_tasks(named), layouts=layouts, times=times[0] if times else 1
+            tasks=_tasks(named),
+            layouts=layouts,
+            times=times[0] if times else 1,
         )
 
 
@@ -103,7 +105,11 @@ class TaskProgress:
     """
 
     def __init__(
-        self, data: DataSet | None, task: str, layouts: int, times: int = 1
+        self,
+        data: DataSet | None,
+        task: str,
+        layouts: int,
+        times: int = 1,
     ) -> None:
         self.wanted = layouts * times
         """Number of wanted episodes."""
@@ -129,7 +135,11 @@ class TaskProgress:
         Layouts with fewer attempts come first, so that one that was given up comes back at the end.
         """
         left = filter(self.wants, self._layouts)
-        return min(left, key=lambda each: (self._begun(each), each), default=None)
+        return min(
+            left,
+            key=lambda each: (self._begun(each), each),
+            default=None,
+        )
 
     def wants(self, layout: int) -> bool:
         """Whether a layout is to be led again."""
@@ -200,7 +210,13 @@ class PlannedSessions:
         make: "Callable[[str, Actor], Teleoperation]",
         actor: Actor,
     ) -> None:
-        self._tasks = dict(zip(plan.ids, plan.tasks, strict=True))
+        self._tasks = dict(
+            zip(
+                plan.ids,
+                plan.tasks,
+                strict=True,
+            )
+        )
         self._data, self._make, self._actor = data, make, actor
         self.progress = {
             task: TaskProgress(data, task, plan.layouts, plan.times)

@@ -215,7 +215,11 @@ class SharedControl:
     def rest(self) -> Intent:
         """The action that leaves the command of both arms as it is."""
         hold = self._env.get_wrapper_attr("hold_action")()
-        return Intent(action=hold, clutch=NO_ARMS, leads=False)
+        return Intent(
+            action=hold,
+            clutch=NO_ARMS,
+            leads=False,
+        )
 
     def _explain(self, why: str) -> None:
         """Note a reason; without words, the next one of `REASONS`."""

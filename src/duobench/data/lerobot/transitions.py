@@ -92,7 +92,10 @@ def transitions(
             source = ImageSource(reference, cameras=())
         played = whole.until(whole.steps)
         used = used_rows(
-            played, choice or RowChoice(), reference, within=judgement.rows
+            played,
+            choice or RowChoice(),
+            reference,
+            within=judgement.rows,
         )
         for stretch in used.stretches():
             yield _transitions(
