@@ -260,7 +260,12 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def append_line(path: Path, line: bytes, *, wait_s: float = LOG_WAIT_S) -> None:
+def append_line(
+    path: Path,
+    line: bytes,
+    *,
+    wait_s: float = LOG_WAIT_S,
+) -> None:
     """Append a line to a log that other processes write too; it is on the disk when this returns.
 
     A missing log is made. Half a line that a killed process left stays a line of its own.

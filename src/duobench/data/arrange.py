@@ -126,11 +126,7 @@ def split(
             paths = [path for path in data.episodes() if (path in chosen) is is_first]
             plans.append(_part(paths, target))
             targets.append(target)
-        for target, plan in zip(
-            targets,
-            plans,
-            strict=True,
-        ):
+        for target, plan in zip(targets, plans, strict=True):
             _copy(plan)
             target.reviews.take_over((path, place) for place, path in plan.items())
     return len(plans[0]), len(plans[1])

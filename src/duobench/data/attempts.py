@@ -77,7 +77,11 @@ def of_task(data: DataSet, task: str) -> list[Attempt]:
     )
 
 
-def _judged(data: DataSet, attempt: Attempt, reviews: Reviews) -> Attempt:
+def _judged(
+    data: DataSet,
+    attempt: Attempt,
+    reviews: Reviews,
+) -> Attempt:
     path = data.episode(attempt.task, f"{attempt.episode:05d}")
     kept = None
     with suppress(DataError):  # a file that cannot be read is found elsewhere

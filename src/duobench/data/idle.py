@@ -32,7 +32,11 @@ _QPOS = 1
 """Place of the first coordinate in a state of the simulation, behind the time."""
 
 
-def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
+def idle_rows(
+    recording: Recording,
+    task: str,
+    span: Span,
+) -> NDArray[np.bool_]:
     """Which rows of some that follow each other are idle.
 
     What is seen behind rows that are left out is, but for a small drift, what the last one that is
@@ -96,11 +100,7 @@ def _units(task: str) -> Array:
     """What counts as rest for each coordinate (nq,) of a task's simulation."""
     model = Simulation(catalog.get(task).props).model
     units = np.full(model.nq, STILL_ANGLE)
-    for kind, place in zip(
-        model.jnt_type,
-        model.jnt_qposadr,
-        strict=True,
-    ):
+    for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True):
         if kind == mujoco.mjtJoint.mjJNT_FREE:
             units[place : place + 3] = STILL
             units[place + 3 : place + 7] = STILL_ROTATION

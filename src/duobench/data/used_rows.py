@@ -209,17 +209,5 @@ def _numbers(spans: Sequence[Span]) -> NDArray[np.int64]:
 
 def _spans(mask: NDArray[np.bool_]) -> tuple[Span, ...]:
     """The rows that a mask (T,) marks, as spans."""
-    bounds = np.flatnonzero(
-        np.diff(
-            mask,
-            prepend=False,
-            append=False,
-        )
-    ).tolist()
-    return tuple(
-        zip(
-            bounds[::2],
-            bounds[1::2],
-            strict=True,
-        )
-    )
+    bounds = np.flatnonzero(np.diff(mask, prepend=False, append=False)).tolist()
+    return tuple(zip(bounds[::2], bounds[1::2], strict=True))

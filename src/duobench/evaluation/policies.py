@@ -96,7 +96,10 @@ def parse_choice(name: str) -> PolicyChoice:
     """The policy of a name as `PolicyChoice` takes it, or of `NAME@URL` where it is served."""
     plain, is_served, url = name.partition("@")
     if is_served and url.startswith(("ws://", "wss://")):
-        return PolicyChoice(name=plain, server=RemoteServer(url=url))
+        return PolicyChoice(
+            name=plain,
+            server=RemoteServer(url=url),
+        )
     return PolicyChoice(name=name)
 
 

@@ -145,7 +145,12 @@ class TaskProgress:
         """Whether a layout is to be led again."""
         return layout in self._layouts and self._kept[layout] < self._times
 
-    def note(self, layout: int, *, kept: bool) -> None:
+    def note(
+        self,
+        layout: int,
+        *,
+        kept: bool,
+    ) -> None:
         """Count an attempt; with a data set, which was told already, read that again."""
         if self._data is None:
             self._attempts[layout] += 1
@@ -210,13 +215,7 @@ class PlannedSessions:
         make: "Callable[[str, Actor], Teleoperation]",
         actor: Actor,
     ) -> None:
-        self._tasks = dict(
-            zip(
-                plan.ids,
-                plan.tasks,
-                strict=True,
-            )
-        )
+        self._tasks = dict(zip(plan.ids, plan.tasks, strict=True))
         self._data, self._make, self._actor = data, make, actor
         self.progress = {
             task: TaskProgress(data, task, plan.layouts, plan.times)

@@ -330,7 +330,11 @@ class Teleoperation:
             can_hold=state in _LED,
         )
 
-    def _step_of(self, state: TeleopState, lead: int) -> int:
+    def _step_of(
+        self,
+        state: TeleopState,
+        lead: int,
+    ) -> int:
         """Index of the step of a state, from that of leading."""
         if state is TeleopState.OVER:
             return lead + 2

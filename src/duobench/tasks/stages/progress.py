@@ -363,21 +363,13 @@ class Progress:
 
         Then time alone may change what is reached, or what is to be done.
         """
-        clocks = zip(
-            self._clocks,
-            earlier.lasted,
-            strict=True,
-        )
+        clocks = zip(self._clocks, earlier.lasted, strict=True)
         return any(
             before < self._lasted[clock] < self._awaited[clock]
             for clock, before in clocks
         ) or any(
             before < lost < LOST_STEPS
-            for before, lost in zip(
-                earlier.lost,
-                self._lost,
-                strict=True,
-            )
+            for before, lost in zip(earlier.lost, self._lost, strict=True)
         )
 
     def update(self, simulation: Simulation) -> int:
