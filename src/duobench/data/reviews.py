@@ -121,14 +121,22 @@ class Judgement:
             return info
         if self.kept is not None:
             reason = None if self.kept else f"{DISCARDED} {self.note}".strip()
-            outcome = replace(outcome, kept=self.kept, reason=reason)
+            outcome = replace(
+                outcome,
+                kept=self.kept,
+                reason=reason,
+            )
         return replace(info, outcome=self._trimmed(outcome))
 
     def _trimmed(self, outcome: Outcome) -> Outcome:
         step = outcome.success_step
         if self.rows is None or step is None or self.rows[0] < step <= self.rows[1]:
             return outcome
-        return replace(outcome, success=False, success_step=None)
+        return replace(
+            outcome,
+            success=False,
+            success_step=None,
+        )
 
 
 class Reviews:

@@ -145,7 +145,12 @@ class TriggeredGripper:
             that: so a gripper that another has led does not jump.
     """
 
-    def __init__(self, opening: float = 1.0, *, meets: bool = False) -> None:
+    def __init__(
+        self,
+        opening: float = 1.0,
+        *,
+        meets: bool = False,
+    ) -> None:
         self.opening = opening
         """0 closed to 1 open."""
         self._meets = meets

@@ -224,7 +224,12 @@ def _plan(
             digests.add(digest)
             _check(recording, options, path)
             task = sources[number].reference(info)
-            used = used_rows(recording, options, task, within=judgement.rows)
+            used = used_rows(
+                recording,
+                options,
+                task,
+                within=judgement.rows,
+            )
             for rows in used.stretches():
                 tasks.add(task)
                 episodes.append(
