@@ -153,6 +153,16 @@ def _cell(docstring: ast.Expr) -> str:
     return " ".join(ast.literal_eval(docstring.value).split())
 
 
+def every_task() -> str:
+    """Headings and images of all tasks, each in all looks."""
+    found = map(catalog.get, catalog.names())
+    parts = [
+        f"### {task.title}\n\n![{task.title} in all looks](looks/{task.id}.jpg)\n"
+        for task in found
+    ]
+    return "\n".join(parts)
+
+
 def names(of: tuple[str, ...]) -> Callable[[], str]:
     """A list of names of numbers, one side a line."""
     half = len(of) // len(SIDES)
@@ -419,6 +429,7 @@ TABLES: Mapping[str, Places] = {
         "POSE_LABELS": names(action_labels.POSE_LABELS),
         "SHIFT_LABELS": names(action_labels.SHIFT_LABELS),
     },
+    "looks": {"every task": every_task},
     "evaluation": {
         "suites": suites,
         "failures": owners,
