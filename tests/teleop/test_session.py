@@ -15,8 +15,9 @@ from duobench.core.errors import OptionError
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, SIDES, Side
-from duobench.data import Actor, ActorKind, DataSet, Recording
+from duobench.data import Actor, ActorKind, DataSet, Recording, leading
 from duobench.envs.sim_env import sim_of
+from duobench.evaluation.replay.takes import Recorded
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.teleoperation import (
     LIMIT,
@@ -281,9 +282,16 @@ def test_the_world_stands_still_while_nobody_leads_and_goes_on_without_a_jump(de
     desk.send(left=1, right=1, shift=3 * UP, turns=10)
     assert (desk.status("pace"), desk.status("step")) == ("led", stood + 10)
     assert desk.is_at(there, 1e-4)
+    led_s = desk.status("led_s")
     desk.session.close()
-    (recording,) = desk.recordings()
+    data = desk.session.env.data
+    assert data is not None
+    (path,), (recording,) = data.episodes(), desk.recordings()
     np.testing.assert_allclose(np.diff(recording.time), 1 / CONTROL_HZ)
+    take = leading.Take.of(recording)
+    assert take is not None
+    seconds = (Recorded.read(path).take(data.reviews).led_s, take.led_s)
+    assert seconds == pytest.approx((led_s, led_s), abs=0.05), "one number on all pages"
 
 
 def test_the_world_runs_alone_at_the_operators_word(desk: Desk) -> None:

@@ -13,6 +13,8 @@ from duobench.web.track import encode
 from duobench.world.sim.simulation import Simulation
 
 FIRST_LOAD = 150_000
+DRIVEN = 70_000
+"""Compressed bytes of page, style and scripts that somebody loads who drives, without a scene."""
 POSES = np.tile(np.array([0.0, 0, 0, 1, 0, 0, 0]), (30, 2, 1))
 TRACK = encode(POSES)
 
@@ -26,6 +28,19 @@ def test_first_load_is_small() -> None:
     scenes = [len(Geometry(Simulation(get(id).props).model).data) for id in ("ball_maze",)]
     content = [gzip.compress(body) for _, body in assets().values()]
     assert sum(map(len, content)) + max(scenes) <= FIRST_LOAD
+
+
+def test_what_a_driver_loads_is_small() -> None:
+    given = assets()
+    names, wanted = {"/", "/page.css"}, ["/live.js", "/inputs.js", "/judging.js"]
+    while wanted:
+        name = wanted.pop()
+        names.add(name)
+        found = re.findall(r'(?:import|from) "\.(/[\w.]+)"', given[name][1].decode())
+        wanted += set(found) - names
+    assert {"/headset.js", "/scene.js", "/panel.js"} <= names
+    assert not {"/takes.js", "/trials.js", "/replay.js"} & names
+    assert sum(len(gzip.compress(given[name][1])) for name in names) <= DRIVEN, names
 
 
 def test_page_and_scripts_load_only_what_is_given_out() -> None:

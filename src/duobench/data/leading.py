@@ -11,7 +11,6 @@ from duobench.core.types import CONTROL_HZ
 from duobench.data.attempts import SKIPPED, Attempt
 from duobench.data.recording import Recording
 from duobench.data.schema import PEOPLE, Actor
-from duobench.data.used_rows import UsedRows
 
 UNKNOWN = "unknown"
 """Device of a take that does not say it."""
@@ -29,27 +28,23 @@ class Take:
     stage: int
     """Highest stage that was reached."""
     led_s: float | None
-    """Seconds until success in which something was led or moved; None if they are not known."""
+    """Seconds in which the world ran until success, or until the end; None if they are not
+    known."""
 
     @staticmethod
-    def of(recording: Recording, rows: UsedRows) -> "Take | None":
-        """The take of a recording, of which some rows are used; None if a policy began it."""
+    def of(recording: Recording) -> "Take | None":
+        """The take of a recording; None if a policy began it."""
         info = recording.info
         if info.actor.kind not in PEOPLE:
             return None
         outcome = info.outcome
-        end = None if outcome is None else outcome.success_step
-        used = sum(
-            max(0, min(after, end if end is not None else after) - first)
-            for first, after in rows.spans
-        )
         return Take(
             task=info.task,
             operator=operator_of(info.actor),
             device=info.actor.device or UNKNOWN,
             success=outcome is not None and outcome.success,
             stage=0 if outcome is None else outcome.stage,
-            led_s=used / CONTROL_HZ,
+            led_s=recording.steps / CONTROL_HZ,
         )
 
 
@@ -66,7 +61,7 @@ class Leading:
     stage: float
     """Highest stage that was reached, in the mean."""
     led_s: float | None
-    """Median of the seconds led until success; None without a recorded success."""
+    """Median of the led seconds until success; None without a recorded success."""
 
 
 def operator_of(actor: Actor) -> str:

@@ -191,17 +191,6 @@ class Recording:
         with _reading(path):
             return pq.read_metadata(path).num_rows - 1
 
-    @staticmethod
-    def read_led(path: Path) -> int:
-        """Number of actions in which a hand led an arm; of all where nothing says who led."""
-        with _reading(path), pq.ParquetFile(path) as file:
-            length = file.metadata.num_rows - 1
-            if length < 1 or "clutch" not in file.schema_arrow.names:
-                return length
-            column = file.read(columns=["clutch"]).column("clutch")
-            clutch = to_numpy(column.combine_chunks()[:length])
-            return int(clutch.any(axis=1).sum())
-
     def write(self, path: Path) -> None:
         """Write it in one atomic step, or raise an `OutputError`."""
         write(path, self.to_bytes())

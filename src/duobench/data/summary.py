@@ -240,7 +240,7 @@ def summarize(data: DataSet) -> Summary:
                 within=judgement.rows,
             )
             unused.update(rows.left_out)
-            led.append(Take.of(recording, rows))
+            led.append(Take.of(recording))
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))

@@ -23,7 +23,7 @@ class Take:
     """Those who acted: pseudonyms of people, names of policies, or the kind of actor."""
     device: str
     led_s: float
-    """Seconds in which a hand led an arm; all of it where nothing says who led."""
+    """Seconds in which the world ran, as the page of a session counts them."""
     stage: int
     max_stage: int
     end: str
@@ -56,7 +56,6 @@ class Recorded:
     info: EpisodeInfo
     length: int
     """Number of its actions."""
-    led_s: float
 
     @staticmethod
     def read(path: Path) -> "Recorded":
@@ -65,7 +64,6 @@ class Recorded:
             path=path,
             info=Recording.read_info(path),
             length=Recording.read_length(path),
-            led_s=Recording.read_led(path) / CONTROL_HZ,
         )
 
     def take(self, reviews: Reviews) -> Take:
@@ -84,7 +82,7 @@ class Recorded:
             task=info.task,
             operator=_words(actor.name or str(actor.kind) for actor in info.actors),
             device=_words(actor.device or "" for actor in info.actors),
-            led_s=round(self.led_s, 1),
+            led_s=round(self.length / CONTROL_HZ, 1),
             stage=0 if outcome is None else outcome.stage,
             max_stage=0 if outcome is None else outcome.max_stage,
             end=end,
