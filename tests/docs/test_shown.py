@@ -56,7 +56,7 @@ PAGES = {
             4: ("3 records",),
         }
     ),
-    "teleoperation": Shown(code={0: ("waiting 0 Squeeze", "\nrecording 3", "1 episodes\n")}),
+    "teleoperation": Shown(code={0: ("waiting 0 Lead a tool", "\nrecording 3", "1 episodes\n")}),
     "verification": Shown(
         commands={1: ("2 episodes: exact 2,",), 3: ("Verified.\n",)},
         code={0: ("True\n",)},

@@ -356,6 +356,13 @@ def with_config(**values: Any) -> Callable[[Path], None]:
     return lambda folder: change(folder, "config.json", **values)
 
 
+def test_each_camera_has_the_size_that_a_checkpoint_sees(tmp_path: Path) -> None:
+    make_policy = seeing("images.head", FeatureType.VISUAL, (3, SIZE, 2 * SIZE))
+    metadata = load(make_policy(tmp_path / "policy")).metadata
+    assert metadata.image_size is None
+    assert metadata.image_sizes == {"head": (SIZE, 2 * SIZE), "left_wrist": (SIZE, SIZE)}
+
+
 @pytest.mark.parametrize(
     ("make", "query", "message"),
     [
@@ -380,7 +387,6 @@ def with_config(**values: Any) -> Callable[[Path], None]:
             "",
             "temporal_ensemble_coeff",
         ),
-        (seeing("images.head", FeatureType.VISUAL, (3, SIZE, 2 * SIZE)), "", "left_wrist 64x64"),
         (seeing("more", FeatureType.ENV, (3,)), "", "also sees observation.more"),
         (
             lambda folder: checkpoints.act(folder / LAST).parents[2],

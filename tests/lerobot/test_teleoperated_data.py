@@ -23,7 +23,7 @@ def test_act_learns_from_a_scripted_operators_episodes(tmp_path: Path) -> None:
         record(task, data, EPISODES)
     assert not find_problems(data)
     assert {recording.info.actor for recording in data.recordings()} == {OPERATOR}
-    options = "--per-task --cameras none --object-state --action joint --workers 0"
+    options = "--per-task --cameras none --object-state --action joint --workers 0 --after-success"
     exports = tmp_path / "exports"
     main(["export", "lerobot", str(data.path), "--out", str(exports), *options.split()])
     for task in TASKS:

@@ -231,7 +231,6 @@ def carry_pot(operator: GamepadOperator) -> None:
     operator.carry(left_to(x, y, z + 0.08), COARSE)
     operator.carry(left_to(x, y, PLATE[2] + HEIGHT / 2))
     operator.grip(OPENING, *SIDES)
-    operator.lead_both({side: operator.tool(side).moved(z=0.10) for side in SIDES}, COARSE)
 
 
 @pytest.mark.long

@@ -21,7 +21,7 @@ from tests.real.sessions.operator import POLICIES, STEPS, Stand, records
 from tests.web.pages import wait_until
 
 LAST = 5
-SMALLEST = 14
+SMALLEST = 12
 """Height in pixels of a number on a footprint that can be read."""
 
 

@@ -67,7 +67,10 @@ def run(
     wanted = (
         Plan.parse(plan or "")
         if task is None
-        else Plan(tasks=(task,), layouts=episodes)
+        else Plan(
+            tasks=(task,),
+            layouts=episodes,
+        )
     )
     if leading.instruction and len(wanted.tasks) > 1:
         raise AdvisedError(

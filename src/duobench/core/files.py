@@ -260,7 +260,12 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def append_line(path: Path, line: bytes, *, wait_s: float = LOG_WAIT_S) -> None:
+def append_line(
+    path: Path,
+    line: bytes,
+    *,
+    wait_s: float = LOG_WAIT_S,
+) -> None:
     """Append a line to a log that other processes write too; it is on the disk when this returns.
 
     A missing log is made. Half a line that a killed process left stays a line of its own.
@@ -269,7 +274,11 @@ def append_line(path: Path, line: bytes, *, wait_s: float = LOG_WAIT_S) -> None:
         OutputError: It cannot be written, or another process writes for longer than `wait_s`.
     """
     with writing(path), path.open("a+b", buffering=0) as file:
-        lock(file.fileno(), path, wait_s=wait_s)
+        lock(
+            file.fileno(),
+            path,
+            wait_s=wait_s,
+        )
         end = file.seek(0, os.SEEK_END)
         file.seek(max(0, end - 1))
         begin = b"" if file.read(1) in {b"", b"\n"} else b"\n"

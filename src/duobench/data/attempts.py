@@ -77,14 +77,22 @@ def of_task(data: DataSet, task: str) -> list[Attempt]:
     )
 
 
-def _judged(data: DataSet, attempt: Attempt, reviews: Reviews) -> Attempt:
+def _judged(
+    data: DataSet,
+    attempt: Attempt,
+    reviews: Reviews,
+) -> Attempt:
     path = data.episode(attempt.task, f"{attempt.episode:05d}")
     kept = None
     with suppress(DataError):  # a file that cannot be read is found elsewhere
         kept = reviews.of(path).kept if path.exists() else None
     if kept is None or kept == attempt.kept:
         return attempt
-    return replace(attempt, kept=kept, error=None if kept else DISCARDED)
+    return replace(
+        attempt,
+        kept=kept,
+        error=None if kept else DISCARDED,
+    )
 
 
 def led_tasks(data: DataSet) -> list[str]:

@@ -131,7 +131,10 @@ def _reviewed(data: DataSet) -> Iterator[Problem]:
     try:
         reviews = data.reviews
     except FileError as error:
-        yield Problem(path=data.path / REVIEWS, what=str(error))
+        yield Problem(
+            path=data.path / REVIEWS,
+            what=str(error),
+        )
         return
     for number, why in reviews.unreadable.items():
         yield Problem(
@@ -144,7 +147,8 @@ def _reviewed(data: DataSet) -> Iterator[Problem]:
         path = data.episode(task, stem)
         if not path.exists():
             yield Problem(
-                path=reviews.path, what=f"It speaks of {name}, which is missing."
+                path=reviews.path,
+                what=f"It speaks of {name}, which is missing.",
             )
             continue
         with suppress(DataError):  # which is found elsewhere

@@ -32,7 +32,11 @@ _QPOS = 1
 """Place of the first coordinate in a state of the simulation, behind the time."""
 
 
-def idle_rows(recording: Recording, task: str, span: Span) -> NDArray[np.bool_]:
+def idle_rows(
+    recording: Recording,
+    task: str,
+    span: Span,
+) -> NDArray[np.bool_]:
     """Which rows of some that follow each other are idle.
 
     What is seen behind rows that are left out is, but for a small drift, what the last one that is

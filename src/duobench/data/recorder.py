@@ -261,7 +261,11 @@ class Recorder(DuoWrapper):
         """
         self._intended = spaces.checked_action(action, self._of_all["action_names"])
 
-    def take_over(self, leader: Actor, why: str = "") -> None:
+    def take_over(
+        self,
+        leader: Actor,
+        why: str = "",
+    ) -> None:
         """Let another actor lead from the next action on, in the place of a policy.
 
         Args:
@@ -271,7 +275,10 @@ class Recorder(DuoWrapper):
         self.leader = leader
         episode = self._running
         if episode is not None:
-            takeover = Takeover(step=len(episode.rows) - 1, why=why)
+            takeover = Takeover(
+                step=len(episode.rows) - 1,
+                why=why,
+            )
             episode.note(takeovers=(*episode.info.takeovers, takeover))
 
     def explain(self, why: str) -> None:
@@ -289,14 +296,22 @@ class Recorder(DuoWrapper):
             self._leaders.append(leader)
         return self._leaders.index(leader)
 
-    def _note_leaders(self, episode: EpisodeRows, place: int) -> None:
+    def _note_leaders(
+        self,
+        episode: EpisodeRows,
+        place: int,
+    ) -> None:
         """Note who has led so far, where the one at a place led last, and with which devices."""
         if self.device is not None:
             self._devices[place] = self.device
         actors = tuple(map(self._with_device, range(len(self._leaders))))
         if actors != episode.info.actors:
-            leaders = actors if len(actors) > 1 else ()
-            episode.note(actor=actors[0], leaders=leaders)
+            is_shared = len(self._leaders) > 1
+            leaders = actors if is_shared else ()
+            episode.note(
+                actor=actors[0],
+                leaders=leaders,
+            )
 
     def _with_device(self, place: int) -> Actor:
         """A leader with the last device of its own rows; a policy has none."""

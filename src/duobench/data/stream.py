@@ -84,7 +84,11 @@ class EpisodeRows:
         self.info = info
         """Facts about it, which grow."""
         self.videos: Videos | None = None
-        self._head = _Head(info=info, sizes=dict(sizes), has_leader=True)
+        self._head = _Head(
+            info=info,
+            sizes=dict(sizes),
+            has_leader=True,
+        )
         self._rows = np.zeros(_FIRST_CAPACITY, self._head.row_type())
         self._count = 0
 

@@ -233,7 +233,12 @@ def summarize(data: DataSet) -> Summary:
             speeds.append(np.abs(recording.joint_velocity).max(axis=0))
             names = recording.info.observation_names
             reference = data.reference(recording.info)
-            rows = used_rows(recording, RowChoice(), reference, within=judgement.rows)
+            rows = used_rows(
+                recording,
+                RowChoice(),
+                reference,
+                within=judgement.rows,
+            )
             unused.update(rows.left_out)
             led.append(Take.of(recording))
             # States are most of a recording, and not needed.
@@ -241,7 +246,12 @@ def summarize(data: DataSet) -> Summary:
         begun = tuple(of_task(data, task))
         definition = catalog.get(data.reference(recordings[0].info))
         found = _summarize_task(definition, recordings)
-        found = replace(found, attempts=begun, reviewed=reviewed, unused=dict(unused))
+        found = replace(
+            found,
+            attempts=begun,
+            reviewed=reviewed,
+            unused=dict(unused),
+        )
         tasks.append(found)
     if not tasks:
         words = "".join(f" Of {task} {each}." for task, each in differences.items())

@@ -110,7 +110,13 @@ class UsedRows:
             idle = tuple(span for span in self.idle if _is_in(span, within))
             left_out = {} if parts else self.left_out
             if spans:
-                parts.append(UsedRows(spans=spans, idle=idle, left_out=left_out))
+                parts.append(
+                    UsedRows(
+                        spans=spans,
+                        idle=idle,
+                        left_out=left_out,
+                    )
+                )
         return tuple(parts)
 
     def steps(self, every: int = 1) -> Steps:

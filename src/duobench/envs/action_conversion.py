@@ -24,7 +24,11 @@ class ActionConverter:
         given: Mode of the actions that are turned, "joint" or "cartesian".
     """
 
-    def __init__(self, env: gym.Env, given: str) -> None:
+    def __init__(
+        self,
+        env: gym.Env,
+        given: str,
+    ) -> None:
         self._env = env
         self._given = given
         self._wanted: str = env.get_wrapper_attr("action_mode")

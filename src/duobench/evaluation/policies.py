@@ -96,7 +96,10 @@ def parse_choice(name: str) -> PolicyChoice:
     """The policy of a name as `PolicyChoice` takes it, or of `NAME@URL` where it is served."""
     plain, is_served, url = name.partition("@")
     if is_served and url.startswith(("ws://", "wss://")):
-        return PolicyChoice(name=plain, server=RemoteServer(url=url))
+        return PolicyChoice(
+            name=plain,
+            server=RemoteServer(url=url),
+        )
     return PolicyChoice(name=name)
 
 
@@ -104,7 +107,11 @@ def actor_of(choice: PolicyChoice, metadata: PolicyMetadata) -> Actor:
     """The actor that recordings name for a policy."""
     is_expert = choice.kind is PolicyKind.EXPERT
     kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
-    return Actor(kind=kind, name=choice.name, version=metadata.version)
+    return Actor(
+        kind=kind,
+        name=choice.name,
+        version=metadata.version,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -32,13 +32,21 @@ class InterruptiblePolicy:
         self._answer.set_result(None)
         self._calls: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]
         self._calls = queue.SimpleQueue()
-        threading.Thread(target=self._work, name="policy", daemon=True).start()
+        threading.Thread(
+            target=self._work,
+            name="policy",
+            daemon=True,
+        ).start()
 
     def __getattr__(self, name: str) -> Any:
         """Other attributes of the policy, such as `intended_action`."""
         return getattr(self._policy, name)
 
-    def reset(self, instruction: str, seed: int) -> None:
+    def reset(
+        self,
+        instruction: str,
+        seed: int,
+    ) -> None:
         """Begin an episode."""
         self._ask(lambda: self._policy.reset(instruction, seed))
 
@@ -46,7 +54,11 @@ class InterruptiblePolicy:
         """The next actions (H, n)."""
         return self._ask(lambda: self._policy.act(observation))
 
-    def begin_reset(self, instruction: str, seed: int) -> Future[Any]:
+    def begin_reset(
+        self,
+        instruction: str,
+        seed: int,
+    ) -> Future[Any]:
         """Begin an episode without waiting for the policy; what is asked next comes after it."""
         return self._begin(lambda: self._policy.reset(instruction, seed))
 

@@ -78,7 +78,13 @@ class Pace:
         self._openings = Movement(np.full(4, OPENING_MOVED))
         self._after_led = self._quiet = 0
 
-    def runs(self, intent: Intent, state: DuoState, *, ends: bool = False) -> bool:
+    def runs(
+        self,
+        intent: Intent,
+        state: DuoState,
+        *,
+        ends: bool = False,
+    ) -> bool:
         """Whether the world runs in this turn, in which the operator wants something.
 
         Fingers that move are led, whatever the clutches do. What `ends` by itself needs no leading.

@@ -75,7 +75,9 @@ class Plan:
             raise OptionError(f"A plan is {FORM}; got {text!r}.")
         layouts, *times = numbers
         return Plan(
-            tasks=_tasks(named), layouts=layouts, times=times[0] if times else 1
+            tasks=_tasks(named),
+            layouts=layouts,
+            times=times[0] if times else 1,
         )
 
 
@@ -103,7 +105,11 @@ class TaskProgress:
     """
 
     def __init__(
-        self, data: DataSet | None, task: str, layouts: int, times: int = 1
+        self,
+        data: DataSet | None,
+        task: str,
+        layouts: int,
+        times: int = 1,
     ) -> None:
         self.wanted = layouts * times
         """Number of wanted episodes."""
@@ -129,13 +135,22 @@ class TaskProgress:
         Layouts with fewer attempts come first, so that one that was given up comes back at the end.
         """
         left = filter(self.wants, self._layouts)
-        return min(left, key=lambda each: (self._begun(each), each), default=None)
+        return min(
+            left,
+            key=lambda each: (self._begun(each), each),
+            default=None,
+        )
 
     def wants(self, layout: int) -> bool:
         """Whether a layout is to be led again."""
         return layout in self._layouts and self._kept[layout] < self._times
 
-    def note(self, layout: int, *, kept: bool) -> None:
+    def note(
+        self,
+        layout: int,
+        *,
+        kept: bool,
+    ) -> None:
         """Count an attempt; with a data set, which was told already, read that again."""
         if self._data is None:
             self._attempts[layout] += 1

@@ -26,7 +26,12 @@ class PlumbLines:
             stands still.
     """
 
-    def __init__(self, sim: Simulation, *, has_objects: bool = True) -> None:
+    def __init__(
+        self,
+        sim: Simulation,
+        *,
+        has_objects: bool = True,
+    ) -> None:
         self._sim = sim
         model = sim.model
         owners = [model.body(body).name for body in model.geom_bodyid]
@@ -79,7 +84,11 @@ class PlumbLines:
             if not prop.fixed and contacts.grasped(side, name)
         ]
 
-    def _below(self, tool: tuple[float, float, float], ignored: set[int]) -> float:
+    def _below(
+        self,
+        tool: tuple[float, float, float],
+        ignored: set[int],
+    ) -> float:
         """Height of the first surface below a tool that counts; NaN where there is none."""
         point = np.array(tool)
         for _ in range(self._sim.model.ngeom):

@@ -172,7 +172,11 @@ class SharedControl:
             self._device.let_go()
             self.note = "The policy leads: squeeze a clutch to take over."
 
-    def next(self, now_s: float, seen: DuoState) -> Intent | None:
+    def next(
+        self,
+        now_s: float,
+        seen: DuoState,
+    ) -> Intent | None:
         """The next action in the environment's mode; None while nothing leads.
 
         Raises:
@@ -215,7 +219,11 @@ class SharedControl:
     def rest(self) -> Intent:
         """The action that leaves the command of both arms as it is."""
         hold = self._env.get_wrapper_attr("hold_action")()
-        return Intent(action=hold, clutch=NO_ARMS, leads=False)
+        return Intent(
+            action=hold,
+            clutch=NO_ARMS,
+            leads=False,
+        )
 
     def _explain(self, why: str) -> None:
         """Note a reason; without words, the next one of `REASONS`."""
@@ -267,4 +275,7 @@ class SharedControl:
         if action is None:
             return None
         self._env.leader = policy.actor
-        return Intent(action=np.asarray(action), clutch=NO_ARMS)
+        return Intent(
+            action=np.asarray(action),
+            clutch=NO_ARMS,
+        )

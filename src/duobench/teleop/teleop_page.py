@@ -194,7 +194,11 @@ class TeleopPage:
             self._server.pulse(*pulse)
 
     def _new_geometry(self) -> Geometry:
-        return Geometry(self._env.simulation.model, self._env.look, cameras=True)
+        return Geometry(
+            self._env.simulation.model,
+            self._env.look,
+            cameras=True,
+        )
 
     def _new_lines(self) -> PlumbLines:
         return PlumbLines(self._env.simulation)

@@ -268,7 +268,14 @@ class Teleoperation:
                 return False
             intent = self.leading.rest()
         ends = self._state is TeleopState.SUCCESS
-        if not self.pace.runs(intent, self._seen, ends=ends) and self._stand():
+        if (
+            not self.pace.runs(
+                intent,
+                self._seen,
+                ends=ends,
+            )
+            and self._stand()
+        ):
             return False
         self._step(intent)
         return True
@@ -323,7 +330,11 @@ class Teleoperation:
             can_hold=state in _LED,
         )
 
-    def _step_of(self, state: TeleopState, lead: int) -> int:
+    def _step_of(
+        self,
+        state: TeleopState,
+        lead: int,
+    ) -> int:
         """Index of the step of a state, from that of leading."""
         if state is TeleopState.OVER:
             return lead + 2
@@ -333,21 +344,43 @@ class Teleoperation:
         found: list[Button] = []
         if self._is_held:
             found.append(
-                Button(id="go_on", words="Go on", message=GoOn(), is_next=True)
+                Button(
+                    id="go_on",
+                    words="Go on",
+                    message=GoOn(),
+                    is_next=True,
+                )
             )
         if state in self.keeps:
             words = "Solved" if state is TeleopState.RECORDING else "Keep"
             is_next = state is TeleopState.DECIDE
             found.append(
-                Button(id="keep", words=words, message=Keep(), key="k", is_next=is_next)
+                Button(
+                    id="keep",
+                    words=words,
+                    message=Keep(),
+                    key="k",
+                    is_next=is_next,
+                )
             )
         if state in _DISCARDED:
             found.append(
-                Button(id="discard", words="Discard", message=Discard(), key="d")
+                Button(
+                    id="discard",
+                    words="Discard",
+                    message=Discard(),
+                    key="d",
+                )
             )
         if self._episodes is not None and self._episodes.discarded:
             words = "Restore the last discarded"
-            found.append(Button(id="restore", words=words, message=Restore()))
+            found.append(
+                Button(
+                    id="restore",
+                    words=words,
+                    message=Restore(),
+                )
+            )
         return tuple(found)
 
     @property

@@ -172,7 +172,9 @@ class Geometry:
 
 
 def _cameras(
-    model: mujoco.MjModel, look: Look, numbers: Mapping[int, int]
+    model: mujoco.MjModel,
+    look: Look,
+    numbers: Mapping[int, int],
 ) -> list[dict[str, Any]]:
     """The robot's cameras, where the look has them.
 

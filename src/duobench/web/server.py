@@ -259,7 +259,14 @@ class PageServer:
 
     def publish_items(self, items: Sequence[Mapping[str, Any]]) -> None:
         """Show a list of what can be chosen, each with an `id` and a `title`."""
-        self._server.call(self._show, "items", encode(kind="items", items=items))
+        self._server.call(
+            self._show,
+            "items",
+            encode(
+                kind="items",
+                items=items,
+            ),
+        )
 
     def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
         """Show what cameras see, again and again: a page that hears nothing says so.

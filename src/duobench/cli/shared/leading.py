@@ -70,7 +70,9 @@ class LeadingOptions:
         return {"instruction": self.instruction, "lockstep": self.lockstep}
 
     def find_policy(
-        self, find: Callable[[str], PolicySource], ending: ExitStack
+        self,
+        find: Callable[[str], PolicySource],
+        ending: ExitStack,
     ) -> PolicySource | None:
         """The policy that plays, if one does, which `ending` lets go of."""
         if self.policy is None:
@@ -79,7 +81,11 @@ class LeadingOptions:
         ending.callback(source.close)
         return source
 
-    def play(self, source: PolicySource | None, env: gym.Env) -> PolicyLeader | None:
+    def play(
+        self,
+        source: PolicySource | None,
+        env: gym.Env,
+    ) -> PolicyLeader | None:
         """The policy as it leads in an environment."""
         if source is None or self.policy is None:
             return None

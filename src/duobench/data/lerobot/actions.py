@@ -102,7 +102,10 @@ def _solved(recording: Recording, steps: Steps) -> tuple[Array, Residual]:
         }
         observed = DuoCommand.from_flat(recording.agent_pos[row]).joints
         joints, _ = kinematics.solve(observed, targets)
-        solved[number] = DuoCommand(joints=joints, openings=action[:, ARM_JOINTS]).flat
+        solved[number] = DuoCommand(
+            joints=joints,
+            openings=action[:, ARM_JOINTS],
+        ).flat
         reached = kinematics.forward(joints)
         errors += [reached[side].distance(targets[side]) for side in SIDES]
     positions, rotations = zip(*errors, strict=True)

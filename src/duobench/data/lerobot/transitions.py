@@ -92,7 +92,10 @@ def transitions(
             source = ImageSource(reference, cameras=())
         played = whole.until(whole.steps)
         used = used_rows(
-            played, choice or RowChoice(), reference, within=judgement.rows
+            played,
+            choice or RowChoice(),
+            reference,
+            within=judgement.rows,
         )
         for stretch in used.stretches():
             yield _transitions(
@@ -129,10 +132,17 @@ def _transitions(
     )
 
 
-def _sent(recording: Recording, steps: Steps, mode: str) -> NDArray[np.float32]:
+def _sent(
+    recording: Recording,
+    steps: Steps,
+    mode: str,
+) -> NDArray[np.float32]:
     """The actions (T, m) of a mode that send what was sent."""
     if mode == JOINT_RELATIVE.name:
-        home = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2)).flat
+        home = DuoCommand(
+            joints=HOME_JOINTS,
+            openings=np.ones(2),
+        ).flat
         wanted = recording.sent[steps.rows]
         changes = wanted - np.vstack([home, recording.sent])[steps.before + 1]
         changes[:, OPENING_SLOTS] = wanted[:, OPENING_SLOTS]

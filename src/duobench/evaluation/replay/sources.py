@@ -175,7 +175,11 @@ class DataSource:
             note = f"{note} {_in_words(corrections)}".strip()
         return replace(recorder.trajectory(note), corrections=corrections)
 
-    def images(self, item: str, row: int) -> dict[str, bytes]:
+    def images(
+        self,
+        item: str,
+        row: int,
+    ) -> dict[str, bytes]:
         """What the cameras of a rig saw in a row, as JPEG by camera; nothing of simulated takes.
 
         Raises:
@@ -462,7 +466,9 @@ def open_view(
 
 
 def _picture_of(
-    simulation: Simulation, task: Task, info: EpisodeInfo
+    simulation: Simulation,
+    task: Task,
+    info: EpisodeInfo,
 ) -> Callable[[Recording, int], None]:
     """Return what shows real arms where they were measured, with grippers open.
 
@@ -473,7 +479,10 @@ def _picture_of(
 
     def show(recording: Recording, row: int) -> None:
         joints = np.delete(recording.agent_pos[row], OPENING_SLOTS)
-        command = DuoCommand(joints=joints.reshape(len(SIDES), -1), openings=np.ones(2))
+        command = DuoCommand(
+            joints=joints.reshape(len(SIDES), -1),
+            openings=np.ones(2),
+        )
         simulation.duo.set_configuration(command)
         simulation.forward()
 

@@ -283,7 +283,11 @@ class Viewer:
             return
         self._server.publish_cameras(self._images)
 
-    def _about(self, camera: str, image: bytes) -> dict[str, Any]:
+    def _about(
+        self,
+        camera: str,
+        image: bytes,
+    ) -> dict[str, Any]:
         self._number += 1
         return {
             "name": camera,

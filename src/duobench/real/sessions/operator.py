@@ -147,7 +147,11 @@ class TerminalView:
         """Keys count at once."""
         return listening(self._operator, self._take)
 
-    def _press(self, todo: str, button: Button) -> None:
+    def _press(
+        self,
+        todo: str,
+        button: Button,
+    ) -> None:
         """Wait until the operator presses a button."""
         self._ask(asking(todo, {button.key: button}), button.key)
 

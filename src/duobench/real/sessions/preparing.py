@@ -18,10 +18,16 @@ BETWEEN_FINGERS = "Take away what is between the fingers, which will close and o
 TO_HOME = "Clear the space of the arms: they go home slowly, and open their grippers."
 TO_PLACE = "Place the objects, then step back: the arms may move."
 HOME_BUTTON = Button(
-    id="home", words="Nobody is near: home", message=messages.Home(), key="h"
+    id="home",
+    words="Nobody is near: home",
+    message=messages.Home(),
+    key="h",
 )
 PLACED_BUTTON = Button(
-    id="placed", words="Placed: the arms may move", message=messages.Placed(), key="p"
+    id="placed",
+    words="Placed: the arms may move",
+    message=messages.Placed(),
+    key="p",
 )
 
 
@@ -60,7 +66,11 @@ def find_hindrance(duo: FrankaDuo) -> Hindrance | None:
         if inactive:
             todo += f" To activate the {_named(inactive)} gripper may clear it. {BETWEEN_FINGERS}"
             buttons = (recover, replace(activate, is_next=False))
-        return Hindrance(todo=todo, why_not="a fault stands", buttons=buttons)
+        return Hindrance(
+            todo=todo,
+            why_not="a fault stands",
+            buttons=buttons,
+        )
     if inactive:
         which = _named(inactive)
         return Hindrance(

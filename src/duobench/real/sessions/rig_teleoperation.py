@@ -142,7 +142,11 @@ class RigTeleoperation(Teleoperation):
 
     # --- from any thread -------------------------------------------------------------------------
 
-    def receive(self, message: PageMessage, now_s: float) -> None:
+    def receive(
+        self,
+        message: PageMessage,
+        now_s: float,
+    ) -> None:
         """Take a message; a hold and the word that a stage is reached act at once.
 
         Raises:

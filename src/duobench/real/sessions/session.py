@@ -86,8 +86,16 @@ _TODOS = {
     Phase.JUDGING: "The arms are held. Correct what is wrong, then close the trial.",
     Phase.OVER: "",
 }
-_AGAIN = Button(id="place_again", words="Place again", message=messages.PlaceAgain())
-_START = Button(id="start", words="Nobody is near: start", message=messages.Start())
+_AGAIN = Button(
+    id="place_again",
+    words="Place again",
+    message=messages.PlaceAgain(),
+)
+_START = Button(
+    id="start",
+    words="Nobody is near: start",
+    message=messages.Start(),
+)
 _GIVE_UP = Button(
     id="give_up",
     words="The policy does not answer: give it up",
@@ -441,7 +449,12 @@ class RigSession:
 
         self.is_home = self._move(home, "The arms are at home.", HOME)
 
-    def _move(self, act: Callable[[], None], done: str, step: str = READY) -> bool:
+    def _move(
+        self,
+        act: Callable[[], None],
+        done: str,
+        step: str = READY,
+    ) -> bool:
         """Move arms or fingers while objects are placed; return whether it was done."""
         before, self.phase = self.phase, Phase.MOVING
         self._moves = STEPS.index(step)

@@ -152,7 +152,11 @@ class LeaderDevice:
         sample = self._read(now_s)
         if sample is None:
             self._is_following = self._is_leading = False
-            return Intent(action=command.flat, clutch=(False, False), leads=False)
+            return Intent(
+                action=command.flat,
+                clutch=(False, False),
+                leads=False,
+            )
         joints = sample[_JOINTS]
         places = tcp_poses(joints)[:, :3].ravel()
         has_moved = self._movement.sees(np.concatenate([joints, places]))
@@ -164,7 +168,11 @@ class LeaderDevice:
         self._fade = max(0, self._fade - 1)
         action = sample + (self._fade / FADE_STEPS) * self._offset
         action[list(OPENING_SLOTS)] = np.clip(action[list(OPENING_SLOTS)], 0.0, 1.0)
-        return Intent(action=action, clutch=(True, True), leads=leads)
+        return Intent(
+            action=action,
+            clutch=(True, True),
+            leads=leads,
+        )
 
     def _read(self, now_s: float) -> Array | None:
         sample = self._source.read()

@@ -58,12 +58,7 @@ def described(rig: Rig) -> Iterable[str]:
     if rig.workspace is None:
         yield "Workspace: none; tools go wherever the arms reach."
     else:
-        box = zip(
-            "xyz",
-            rig.workspace.low,
-            rig.workspace.high,
-            strict=True,
-        )
+        box = zip("xyz", rig.workspace.low, rig.workspace.high, strict=True)
         inside = ", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in box)
         yield f"Workspace of both tools: {inside} m in the table frame"
     for name, each in rig.obstacles.items():
