@@ -98,7 +98,7 @@ def run(
                 times=wanted.times,
                 tasks=wanted.ids,
                 policy=leading.play(source, recorder),
-                **leading.asked(),
+                **leading.settings,
             )
 
         data = DataSet.open(out, own_tasks=catalog.import_paths(wanted.tasks))

@@ -282,7 +282,11 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
         stages=tuple(stage.name for stage in task.stages),
         episodes=len(recordings),
         successes=sum(outcome is not None and outcome.success for outcome in outcomes),
-        failures_led=sum(map(_is_led_failure, infos)),
+        failures_led=sum(
+            info.is_led_failure and info.outcome.kept
+            for info in infos
+            if info.outcome is not None
+        ),
         discarded=sum(outcome is None or not outcome.kept for outcome in outcomes),
         cut=sum(outcome is None or outcome.cut for outcome in outcomes),
         frames=sum(map(len, recordings)),
@@ -311,11 +315,6 @@ def _rows_led(recordings: Sequence[Recording]) -> dict[str, int]:
     return dict(led)
 
 
-def _is_led_failure(info: EpisodeInfo) -> bool:
-    outcome = info.outcome
-    return info.is_led and outcome is not None and outcome.kept and not outcome.success
-
-
 def _rig(info: EpisodeInfo) -> str:
     rig = info.rig
     if rig is None:
@@ -333,10 +332,10 @@ def _led(recordings: Sequence[Recording]) -> float | None:
 
 
 def _who(actor: Actor) -> str:
-    """An actor in words: its kind and name, where the name does not say its kind already."""
-    says_kind = actor.name.partition(":")[0] == actor.kind
-    who = actor.name if says_kind else f"{actor.kind} {actor.name}".strip()
-    return who if actor.device is None else f"{who} with {actor.device}"
+    """An actor in words, with its device."""
+    if actor.device is None:
+        return actor.words
+    return f"{actor.words} with {actor.device}"
 
 
 def _summarize_joints(

@@ -393,9 +393,9 @@ class Teleoperation:
         """The question about a restored episode; empty while another one runs or is decided."""
         episodes = self._episodes
         is_open = self._state in _UNBEGUN or self._is_settled
-        if episodes is None or not episodes.asked or not is_open:
+        if episodes is None or not episodes.restored or not is_open:
             return ""
-        return f"Keep {next(iter(episodes.asked.values()))}, or discard it again?"
+        return f"Keep {next(iter(episodes.restored.values()))}, or discard it again?"
 
     def status(self) -> dict[str, Any]:
         """Return the fields of the page's message `status`."""

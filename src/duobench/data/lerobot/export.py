@@ -218,7 +218,7 @@ def _plan(
         judgement = logs[number].of(path)
         info = judgement.judged(recording.info)
         is_wanted = _is_wanted(info, options) and len(recording) > 0
-        if is_wanted and _is_unwanted_failure(info, options):
+        if is_wanted and info.is_led_failure and not options.keep_failures:
             failures += 1
         elif is_wanted and digest not in digests:
             digests.add(digest)
@@ -327,13 +327,6 @@ def _is_wanted(info: EpisodeInfo, options: ExportOptions) -> bool:
     if outcome is None or (options.only_successes and not outcome.success):
         return False
     return outcome.kept and info.domain in options.domains
-
-
-def _is_unwanted_failure(info: EpisodeInfo, options: ExportOptions) -> bool:
-    """Whether a person led an episode without success, and none such is asked for."""
-    outcome = info.outcome
-    is_failure = outcome is not None and not outcome.success
-    return is_failure and info.is_led and not options.keep_failures
 
 
 def _check(
