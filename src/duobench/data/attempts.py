@@ -82,6 +82,7 @@ def _judged(
     attempt: Attempt,
     reviews: Reviews,
 ) -> Attempt:
+    """An attempt as it stands after what was said about its recording at a second look."""
     path = data.episode(attempt.task, f"{attempt.episode:05d}")
     kept = None
     with suppress(DataError):  # a file that cannot be read is found elsewhere

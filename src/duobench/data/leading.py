@@ -94,6 +94,7 @@ def add_up(takes: Sequence[Take]) -> tuple[Leading, ...]:
 
 
 def _added(takes: Sequence[Take]) -> Leading:
+    """Add up takes of one task, operator and device."""
     first = takes[0]
     seconds = [each.led_s for each in takes if each.success and each.led_s is not None]
     return Leading(

@@ -308,6 +308,7 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
 
 
 def _rows_led(recordings: Sequence[Recording]) -> dict[str, int]:
+    """Rows that each actor led, in the order in which they did first."""
     led = Counter[str]()
     for each in recordings:
         for place, actor in enumerate(each.info.actors):

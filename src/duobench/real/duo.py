@@ -87,9 +87,8 @@ class FrankaDuo:
         self._watchdog = Watchdog(
             self._controller, self.cameras, self.supervisor, clock, self.hold
         )
-        self._motion = (
-            threading.RLock()
-        )  # between who moves the arms and who holds them
+        # Between what moves the arms and what holds them.
+        self._motion = threading.RLock()
         left, right = (rig.arms[side] for side in SIDES)
         self.limits = duo_limits()
         """Limits of the simulation, so that spaces are the same; the rig's own are narrower."""

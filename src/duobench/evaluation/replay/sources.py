@@ -138,9 +138,11 @@ class DataSource:
             self._list()
 
     def _files(self) -> list[Path]:
+        """Files of the recordings that are viewed."""
         return self._data.episodes_of(self._tasks)
 
     def _list(self) -> None:
+        """List the recordings; those that were read before are not read again."""
         before = self._recorded
         self._recorded = {
             name_of(path): before.get(name_of(path)) or Recorded.read(path)
@@ -478,6 +480,7 @@ def _picture_of(
         simulation.apply(next(task.layouts(info.seed, info.split)))
 
     def show(recording: Recording, row: int) -> None:
+        """Show the arms of one row."""
         joints = np.delete(recording.agent_pos[row], OPENING_SLOTS)
         command = DuoCommand(
             joints=joints.reshape(len(SIDES), -1),
@@ -500,6 +503,7 @@ def _in_words(corrections: Sequence[tuple[int, int, str]]) -> str:
 
 
 def _recorded(name: str, take: Take) -> Item:
+    """A take as the page lists it."""
     return Item(
         id=name,
         title=name.replace("/", " "),

@@ -73,9 +73,8 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
     key for each; any that counts at once holds the fingers.
     """
     while (hindrance := find_hindrance(duo)) is not None:
-        buttons = {
-            each.key: each for each in hindrance.buttons if each.id != CARRY
-        }  # objects are taken first
+        # Objects are taken first.
+        buttons = {each.key: each for each in hindrance.buttons if each.id != CARRY}
         key = operator.ask(asking(hindrance.todo, buttons), f"{''.join(buttons)}{QUIT}")
         if key == QUIT:
             return False
