@@ -5,7 +5,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from duobench.core.errors import DataError
-from duobench.core.files import encode, make_folder, read, write
+from duobench.core.files import (
+    encode,
+    make_folder,
+    read,
+    write,
+)
 from duobench.core.randomness import episode_seed
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording

@@ -14,7 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.errors import DataError, DuoBenchError, FileError, OutputError
+from duobench.core.errors import (
+    DataError,
+    DuoBenchError,
+    FileError,
+    OutputError,
+)
 from duobench.core.files import (
     check_there,
     decode,

@@ -9,10 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
-from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
-from duobench.data.attempts import SKIPPED, Attempt, compared, led_tasks, of_task
+from duobench.core.types import (
+    FLAT_SIZE,
+    OPENING_SLOTS,
+    SIDES,
+    Array,
+)
+from duobench.data.attempts import (
+    SKIPPED,
+    Attempt,
+    compared,
+    led_tasks,
+    of_task,
+)
 from duobench.data.dataset import DataSet
-from duobench.data.leading import Leading, Take, add_up, takes_without_file
+from duobench.data.leading import (
+    Leading,
+    Take,
+    add_up,
+    takes_without_file,
+)
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
 from duobench.data.used_rows import Reason, RowChoice, used_rows

@@ -6,7 +6,12 @@ from typing import cast, get_args
 import numpy as np
 
 from duobench.core.spatial import SE3, product
-from duobench.core.types import SIDES, DuoCommand, DuoState, Side
+from duobench.core.types import (
+    SIDES,
+    DuoCommand,
+    DuoState,
+    Side,
+)
 from duobench.envs.action_modes import CARTESIAN
 from duobench.teleop.intent import Intent
 from duobench.teleop.messages import (

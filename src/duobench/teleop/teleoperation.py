@@ -19,7 +19,12 @@ from duobench.core.errors import (
     PolicyError,
 )
 from duobench.core.randomness import TRAIN, episode_seed
-from duobench.core.types import CONTROL_HZ, SIDES, DuoState, Side
+from duobench.core.types import (
+    CONTROL_HZ,
+    SIDES,
+    DuoState,
+    Side,
+)
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.attempts import SKIPPED, Attempt
 from duobench.data.recorder import UNDECIDED
@@ -49,7 +54,12 @@ from duobench.teleop.messages import (
     Restore,
 )
 from duobench.teleop.pace import Pace
-from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
+from duobench.teleop.panel import (
+    LEAD,
+    SOLVED,
+    Button,
+    Panel,
+)
 from duobench.teleop.plan import TaskProgress
 from duobench.teleop.policy_leader import PolicyLeader, SharedControl
 from duobench.teleop.session_episodes import SessionEpisodes

@@ -1,7 +1,14 @@
 """Export of a data set: missing episodes are exported, then the metadata is written."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Collection,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -64,7 +71,12 @@ from duobench.data.lerobot.folder import (
     Vectors,
     schema,
 )
-from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
+from duobench.data.lerobot.metadata import (
+    Counts,
+    count_values,
+    finish,
+    no_counts,
+)
 from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.rewards import rewards_of

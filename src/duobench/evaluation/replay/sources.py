@@ -10,9 +10,19 @@ from typing import Any
 import numpy as np
 
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
-from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, SIDES, DuoCommand
+from duobench.core.types import (
+    CONTROL_HZ,
+    OPENING_SLOTS,
+    SIDES,
+    DuoCommand,
+)
 from duobench.core.video import jpeg
-from duobench.data import DataSet, EpisodeInfo, ImageSource, Recording
+from duobench.data import (
+    DataSet,
+    EpisodeInfo,
+    ImageSource,
+    Recording,
+)
 from duobench.data.dataset import DESCRIPTION as DATA_SET
 from duobench.data.images import RecordedImages, resized
 from duobench.data.reviews import name_of

@@ -1,6 +1,11 @@
 """Operator at a terminal: messages, questions, and keys that act at once."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from typing import Protocol
@@ -17,7 +22,12 @@ from duobench.real.sessions.preparing import (
     clear,
     find_hindrance,
 )
-from duobench.real.sessions.session import HELD_BY_OPERATOR, Phase, RigSession, Stopped
+from duobench.real.sessions.session import (
+    HELD_BY_OPERATOR,
+    Phase,
+    RigSession,
+    Stopped,
+)
 from duobench.teleop.panel import Button
 
 QUIT = "q"

@@ -52,8 +52,19 @@ from duobench.results.run import needed_options
 from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.intent import TeleopDevice
-from duobench.teleop.messages import Discard, Hands, Hold, Keep, Message
-from duobench.teleop.panel import LEAD, SOLVED as SOLVED_STEP, Button, Panel
+from duobench.teleop.messages import (
+    Discard,
+    Hands,
+    Hold,
+    Keep,
+    Message,
+)
+from duobench.teleop.panel import (
+    LEAD,
+    SOLVED as SOLVED_STEP,
+    Button,
+    Panel,
+)
 from duobench.teleop.plumb import PlumbLines
 from duobench.teleop.teleop_page import TeleopPage
 from duobench.teleop.teleoperation import (
