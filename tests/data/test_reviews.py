@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import shutil
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -130,6 +132,46 @@ def test_it_travels_with_its_episodes_under_other_names_too(data: DataSet, tmp_p
     travelled = [DataSet.open(part).reviews.reviews for part in parts]
     assert sum(map(len, travelled)) == 3
     assert find_problems(merged) == []
+
+
+def copied(data: DataSet, folder: Path) -> DataSet:
+    shutil.copytree(data.path, folder)
+    return DataSet.open(folder)
+
+
+def test_joining_copies_changes_no_judgement(data: DataSet, tmp_path: Path) -> None:
+    first, second, third = data.episodes()
+    copy = copied(data, tmp_path / "copy")
+    data.reviews.add(first, kept=False)
+    time.sleep(0.01)
+    copy.reviews.add(copy.episodes()[0], note="slow")
+    time.sleep(0.01)
+    data.reviews.add(first, undo=True)
+    data.reviews.add(second, kept=False)
+    data.reviews.add(second, kept=True)
+    data.reviews.add(third, kept=False)  # of which the copy knows nothing
+    log = data.path / REVIEWS
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    lines[2]["at"] = "2099-01-01T00:00:00.000+00:00"  # a clock that was put back
+    log.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    for sources in ([data, copy], [copy, data]):
+        merge(sources, tmp_path / "merged")
+    merged = DataSet.open(tmp_path / "merged")
+    found = [merged.reviews.of(path) for path in merged.episodes()]
+    assert [(each.kept, each.note) for each in found] == [(None, "slow"), (True, ""), (False, "")]
+    exported = export_lerobot([copy, data], tmp_path / "out", ExportOptions(cameras=()), workers=0)
+    assert exported.episodes == 2, "a copy without its log brings nothing back"
+
+
+def test_an_editor_may_have_saved_the_log(data: DataSet) -> None:
+    data.reviews.add(data.episodes()[0], kept=False)
+    data.reviews.add(data.episodes()[1], note="slow")
+    log = data.path / REVIEWS
+    text = log.read_bytes().replace(b"\n", b"\r\n\r\n")
+    log.write_bytes(codecs.BOM_UTF8 + text)
+    reviews = data.reviews
+    assert [reviews.of(path).kept for path in data.episodes()] == [False, None, None]
+    assert (reviews.unreadable, find_problems(data)) == ({}, [])
 
 
 def test_it_is_about_a_recording_and_not_about_its_name(data: DataSet) -> None:

@@ -5,10 +5,12 @@ log says one thing about one recording, and who said it when. It holds for the r
 names by its checksum, not for another one that later has the same name.
 """
 
-from collections.abc import Iterable
+import codecs
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -177,7 +179,10 @@ class Reviews:
             raise FileError(f"Cannot read {self.path}: {error.strerror}.") from error
         self._seen = seen
         self.unreadable, self.reviews, self._of = {}, [], {}
+        text = text.removeprefix(codecs.BOM_UTF8)  # some editors begin with it
         for number, line in enumerate(text.splitlines(), start=1):
+            if not line.strip():
+                continue
             try:
                 review = msgspec.json.decode(line, type=Review)
             except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
@@ -266,16 +271,32 @@ class Reviews:
             copies: The file in its data set, and its place here, which may have another name.
         """
         logs: dict[Path, Reviews] = {}
-        moved: list[Review] = []
+        said: dict[str, list[list[Review]]] = {}
         for path, place in copies:
             folder = path.parents[2]
             if folder not in logs:
                 logs[folder] = Reviews(folder)
-            for review in logs[folder].about(path):
-                moved.append(msgspec.structs.replace(review, episode=name_of(place)))
+            said.setdefault(name_of(place), []).append(logs[folder].about(path))
         known = set(self.reviews)
-        missing = dict.fromkeys(review for review in moved if review not in known)
-        self.append(sorted(missing, key=lambda review: review.at))
+        for name, of_copies in said.items():
+            lines = joined(of_copies, name)
+            self.append(line for line in lines if line not in known)
+
+
+def joined(logs: Iterable[Sequence[Review]], name: str = "") -> list[Review]:
+    """Join what several logs say about copies of one recording, each line once.
+
+    Lines of a log stay together and in their order, whatever their clocks say: one that takes back
+    is about the one before it. The log that was written last has the last word.
+
+    Args:
+        logs: The lines of each.
+        name: Name of the recording from now on.
+    """
+    written = [lines for lines in logs if lines]
+    written.sort(key=lambda lines: max(line.at for line in lines))
+    named = [msgspec.structs.replace(line, episode=name) for line in chain(*written)]
+    return list(dict.fromkeys(named))
 
 
 @lru_cache(maxsize=4096)

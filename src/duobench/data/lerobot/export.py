@@ -79,6 +79,7 @@ from duobench.data.lerobot.metadata import (
 )
 from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
+from duobench.data.reviews import Judgement, Review, joined
 from duobench.data.rewards import rewards_of
 from duobench.data.schema import Domain, EpisodeInfo
 from duobench.data.used_rows import Reason, Steps, used_rows
@@ -224,10 +225,10 @@ def _plan(
     tasks = set()
     digests = set[str]()
     failures = 0
-    logs = [source.reviews for source in sources]
+    judgements = _judgements(sources, paths)
     for number, path in paths:
         recording, digest = _read(path, options), digest_of(path)
-        judgement = logs[number].of(path)
+        judgement = judgements[path]
         info = judgement.judged(recording.info)
         is_wanted = _is_wanted(info, options) and len(recording) > 0
         if is_wanted and info.is_led_failure and not options.keep_failures:
@@ -277,6 +278,23 @@ def _plan(
         object_state_names=_object_state_names(tasks) if options.object_state else (),
         cameras=describe_cameras(),
     )
+
+
+def _judgements(
+    sources: Sequence[DataSet],
+    paths: Sequence[tuple[int, Path]],
+) -> dict[Path, Judgement]:
+    """What stands about each file; all that is said about its copies is about it too."""
+    logs = [source.reviews for source in sources]
+    copies: dict[str, dict[Path, list[Review]]] = {}
+    for number, path in paths:
+        of_copies = copies.setdefault(Recording.read_checksum(path), {})
+        of_copies[path] = logs[number].about(path)
+    return {
+        path: Judgement.of(joined(of_copies.values()))
+        for of_copies in copies.values()
+        for path in of_copies
+    }
 
 
 def _read(path: Path, options: ExportOptions) -> Recording:
