@@ -39,6 +39,7 @@ class Led:
         self._server = server
         self.samples: list[dict[str, Any]] = []
         """Every message of hands, in order."""
+        self.shown_every: int | None = SHOWN
         self._arrivals: list[float] = []
         self._live, self._turns = TeleopPage(session, server), 0
         self.show = self._live.show
@@ -46,13 +47,13 @@ class Led:
         self._end = time.monotonic() + LONGEST_S
         server.on_message = self._take
 
-    def turn(self) -> None:
+    def turn(self, wait_s: float = 1.0) -> None:
         """One turn of the session's loop."""
         assert time.monotonic() < self._end, self.session.status()
-        self.session.wait(1.0)
+        self.session.wait(wait_s)
         self.session.advance(time.monotonic())
         self._turns += 1
-        if self._turns % SHOWN == 0:
+        if self.shown_every and self._turns % self.shown_every == 0:
             self.show()
 
     def follow(self, messages: int = 2) -> None:

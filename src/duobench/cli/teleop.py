@@ -82,6 +82,7 @@ def run(
         source = leading.find_policy(partial(find_policy, tasks=tasks), ending)
 
         def make(task: str, actor: Actor) -> Teleoperation:
+            """Make the session of a task that an actor leads."""
             recorder = make_recorder(
                 task,
                 out,
@@ -98,7 +99,7 @@ def run(
                 times=wanted.times,
                 tasks=wanted.ids,
                 policy=leading.play(source, recorder),
-                **leading.asked(),
+                **leading.settings,
             )
 
         data = DataSet.open(out, own_tasks=catalog.import_paths(wanted.tasks))

@@ -8,9 +8,19 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import (
+    Collection,
+    Iterable,
+    Iterator,
+    Mapping,
+)
 from pathlib import Path
-from typing import Any, NoReturn, Self, TypeVar
+from typing import (
+    Any,
+    NoReturn,
+    Self,
+    TypeVar,
+)
 
 V = TypeVar("V")
 

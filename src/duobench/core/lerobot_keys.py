@@ -38,7 +38,6 @@ CARD, ID = "README.md", "USER/NAME"
 _ID = re.compile(
     r"(?!.*(--|\.\.|\.git$))(?=.{1,96}$)\w([\w.-]*\w)?(/\w([\w.-]*\w)?)?", re.ASCII
 )
-_LONGEST_CELL = 200
 _LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")
 POSITION = ".pos"
 """Suffix of the name of a joint for its position."""
@@ -77,9 +76,3 @@ def check_card(name: str, licence: str) -> None:
             "The Hub knows licences by words such as apache-2.0, mit, cc-by-4.0, other; "
             f"got {licence!r}."
         )
-
-
-def in_cell(value: object) -> str:
-    """A value in a cell of a Markdown table: in one line, without bars, and no longer than that."""
-    text = " ".join(str(value).split()).replace("|", "\\|")
-    return text if len(text) <= _LONGEST_CELL else f"{text[:_LONGEST_CELL]}…"

@@ -14,7 +14,12 @@ from pathlib import Path
 from shutil import copyfile
 
 from duobench.core.errors import DataError, NamesTakenError
-from duobench.core.files import check_outside, locked, replacing, write
+from duobench.core.files import (
+    check_outside,
+    locked,
+    replacing,
+    write,
+)
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path

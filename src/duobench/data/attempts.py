@@ -5,7 +5,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from duobench.core.errors import DataError
-from duobench.core.files import encode, make_folder, read, write
+from duobench.core.files import (
+    encode,
+    make_folder,
+    read,
+    write,
+)
 from duobench.core.randomness import episode_seed
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
@@ -82,6 +87,7 @@ def _judged(
     attempt: Attempt,
     reviews: Reviews,
 ) -> Attempt:
+    """An attempt as it stands after what was said about its recording at a second look."""
     path = data.episode(attempt.task, f"{attempt.episode:05d}")
     kept = None
     with suppress(DataError):  # a file that cannot be read is found elsewhere

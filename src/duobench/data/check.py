@@ -12,8 +12,18 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.errors import DataError, DuoBenchError, FileError, ForeignTaskError
-from duobench.core.files import CHECKSUM, checksum, digest_of, read_object
+from duobench.core.errors import (
+    DataError,
+    DuoBenchError,
+    FileError,
+    ForeignTaskError,
+)
+from duobench.core.files import (
+    CHECKSUM,
+    checksum,
+    digest_of,
+    read_object,
+)
 from duobench.core.processes import Progress, run_all
 from duobench.core.randomness import SUITE_VERSION
 from duobench.core.versions import package_versions
@@ -21,7 +31,12 @@ from duobench.data.attempts import ATTEMPTS, RUN, compared
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.recording import Recording
 from duobench.data.reviews import REVIEWS
-from duobench.data.schema import COLUMNS, VideoFacts, steps_after_success, video_path
+from duobench.data.schema import (
+    COLUMNS,
+    VideoFacts,
+    steps_after_success,
+    video_path,
+)
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.data.videos import describe
 from duobench.envs.config import LAYOUT, SPLIT

@@ -7,7 +7,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
+from duobench.core.types import (
+    FLAT_SIZE,
+    OPENING_SLOTS,
+    SIDES,
+    Array,
+)
 from duobench.data.recording import Recording
 from duobench.data.used_rows import Span
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE

@@ -10,7 +10,7 @@ from statistics import mean, median
 from duobench.core.types import CONTROL_HZ
 from duobench.data.attempts import SKIPPED, Attempt
 from duobench.data.recording import Recording
-from duobench.data.schema import PEOPLE, Actor
+from duobench.data.schema import PEOPLE
 
 UNKNOWN = "unknown"
 """Device of a take that does not say it."""
@@ -40,7 +40,7 @@ class Take:
         outcome = info.outcome
         return Take(
             task=info.task,
-            operator=operator_of(info.actor),
+            operator=info.actor.words,
             device=info.actor.device or UNKNOWN,
             success=outcome is not None and outcome.success,
             stage=0 if outcome is None else outcome.stage,
@@ -64,17 +64,12 @@ class Leading:
     """Median of the led seconds until success; None without a recorded success."""
 
 
-def operator_of(actor: Actor) -> str:
-    """Kind and pseudonym of an operator in words."""
-    return f"{actor.kind} {actor.name}".strip()
-
-
 def takes_without_file(attempts: Iterable[Attempt], names: set[str]) -> list[Take]:
     """Return the takes of attempts whose episodes have no file, by the names of those that have."""
     return [
         Take(
             task=each.task,
-            operator=operator_of(each.actor),
+            operator=each.actor.words,
             device=each.actor.device or UNKNOWN,
             success=each.success,
             stage=each.stage,
@@ -99,6 +94,7 @@ def add_up(takes: Sequence[Take]) -> tuple[Leading, ...]:
 
 
 def _added(takes: Sequence[Take]) -> Leading:
+    """Add up takes of one task, operator and device."""
     first = takes[0]
     seconds = [each.led_s for each in takes if each.success and each.led_s is not None]
     return Leading(

@@ -132,9 +132,8 @@ class Recorder(DuoWrapper):
         self._rig = rig
         self._keep = keep
         self._is_reviewed = is_reviewed
-        self._episode: EpisodeRows | None = (
-            None  # the running one, or the one that waits
-        )
+        self._episode: EpisodeRows | None = None
+        """The running one, or the one that waits."""
         self._intended: Array | None = None
         self._leaders: list[Actor] = []
         self._devices: dict[int, str] = {}  # by the place of who leads
@@ -219,10 +218,8 @@ class Recorder(DuoWrapper):
         except BackendError as error:
             self.finish(reason=str(error))
             raise
-        wanted, self._intended = (
-            self._intended,
-            None,
-        )  # not before: a wrong action is given again
+        # Not before: a wrong action is given again.
+        wanted, self._intended = self._intended, None
         if episode is not None:
             row = {"action": given if wanted is None else wanted, "sent": info["sent"]}
             row |= {"clutch": self.clutch} if episode.info.has_clutch else {}

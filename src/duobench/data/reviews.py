@@ -131,6 +131,7 @@ class Judgement:
         return replace(info, outcome=self._trimmed(outcome))
 
     def _trimmed(self, outcome: Outcome) -> Outcome:
+        """An outcome without a success whose row is not among those that are used."""
         step = outcome.success_step
         if self.rows is None or step is None or self.rows[0] < step <= self.rows[1]:
             return outcome
@@ -300,6 +301,7 @@ def joined(logs: Iterable[Sequence[Review]], name: str = "") -> list[Review]:
 
 @lru_cache(maxsize=4096)
 def _checksum(episode: Path, changed_ns: int) -> str:  # noqa: ARG001 - of a file that may change
+    """Checksum of a file, which is read once for each time that it changed."""
     return Recording.read_checksum(episode)
 
 

@@ -201,6 +201,12 @@ class Actor:
     """Device that a person used, or a scripted operator imitated; "mouse and gamepad" if
     several."""
 
+    @property
+    def words(self) -> str:
+        """Kind and name in words; the name alone where it says the kind, as that of an expert."""
+        says_kind = self.name.partition(":")[0] == self.kind
+        return self.name if says_kind else f"{self.kind} {self.name}".strip()
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Takeover:
@@ -305,6 +311,12 @@ class EpisodeInfo:
     def is_led(self) -> bool:
         """Whether a person led in it, or a program in the place of one."""
         return any(actor.kind in PEOPLE for actor in self.actors)
+
+    @property
+    def is_led_failure(self) -> bool:
+        """Whether people led it without success, so that exports leave it out by default."""
+        outcome = self.outcome
+        return self.is_led and outcome is not None and not outcome.success
 
     @property
     def widths(self) -> dict[str, int]:

@@ -14,7 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.errors import DataError, DuoBenchError, FileError, OutputError
+from duobench.core.errors import (
+    DataError,
+    DuoBenchError,
+    FileError,
+    OutputError,
+)
 from duobench.core.files import (
     check_there,
     decode,
@@ -172,15 +177,15 @@ class EpisodeStream(EpisodeRows):
                 self._file.flush()
 
     def _head_text(self, info: EpisodeInfo) -> bytes:
+        """The head of the file, as it is written for some facts."""
         return encode(replace(self._head, info=info), SCHEMA).encode(errors="replace")
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Append what was seen, and write what is complete now and then."""
         super().append(row)
         if self._count - self._written > BATCH_ROWS:
-            self._flush(
-                self._count - 1
-            )  # all but the last row, whose action is still to come
+            # All but the last row, whose action is still to come.
+            self._flush(self._count - 1)
 
     def flush(self) -> None:
         """Write every row, the last one too, and all that waits for the videos."""

@@ -9,10 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
-from duobench.core.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
-from duobench.data.attempts import SKIPPED, Attempt, compared, led_tasks, of_task
+from duobench.core.types import (
+    FLAT_SIZE,
+    OPENING_SLOTS,
+    SIDES,
+    Array,
+)
+from duobench.data.attempts import (
+    SKIPPED,
+    Attempt,
+    compared,
+    led_tasks,
+    of_task,
+)
 from duobench.data.dataset import DataSet
-from duobench.data.leading import Leading, Take, add_up, takes_without_file
+from duobench.data.leading import (
+    Leading,
+    Take,
+    add_up,
+    takes_without_file,
+)
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
 from duobench.data.used_rows import Reason, RowChoice, used_rows
@@ -282,7 +298,11 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
         stages=tuple(stage.name for stage in task.stages),
         episodes=len(recordings),
         successes=sum(outcome is not None and outcome.success for outcome in outcomes),
-        failures_led=sum(map(_is_led_failure, infos)),
+        failures_led=sum(
+            info.is_led_failure and info.outcome.kept
+            for info in infos
+            if info.outcome is not None
+        ),
         discarded=sum(outcome is None or not outcome.kept for outcome in outcomes),
         cut=sum(outcome is None or outcome.cut for outcome in outcomes),
         frames=sum(map(len, recordings)),
@@ -304,16 +324,12 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
 
 
 def _rows_led(recordings: Sequence[Recording]) -> dict[str, int]:
+    """Rows that each actor led, in the order in which they did first."""
     led = Counter[str]()
     for each in recordings:
         for place, actor in enumerate(each.info.actors):
             led[_who(actor)] += int((each.leader == place).sum())
     return dict(led)
-
-
-def _is_led_failure(info: EpisodeInfo) -> bool:
-    outcome = info.outcome
-    return info.is_led and outcome is not None and outcome.kept and not outcome.success
 
 
 def _rig(info: EpisodeInfo) -> str:
@@ -333,10 +349,10 @@ def _led(recordings: Sequence[Recording]) -> float | None:
 
 
 def _who(actor: Actor) -> str:
-    """An actor in words: its kind and name, where the name does not say its kind already."""
-    says_kind = actor.name.partition(":")[0] == actor.kind
-    who = actor.name if says_kind else f"{actor.kind} {actor.name}".strip()
-    return who if actor.device is None else f"{who} with {actor.device}"
+    """An actor in words, with its device."""
+    if actor.device is None:
+        return actor.words
+    return f"{actor.words} with {actor.device}"
 
 
 def _summarize_joints(

@@ -199,6 +199,7 @@ def _corrected(recording: Recording, choice: RowChoice) -> NDArray[np.bool_]:
 
 
 def _is_in(span: Span, within: slice) -> bool:
+    """Whether a span begins within some rows."""
     return within.start <= span[0] < within.stop
 
 

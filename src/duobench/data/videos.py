@@ -166,9 +166,8 @@ class _Encoder:
             except Full:
                 self.missed.add(frame.index)
                 return
-            self.missed.discard(
-                frame.index
-            )  # a row asks again for the frame that it shows
+            # A row asks again for the frame that it shows.
+            self.missed.discard(frame.index)
             self._accepted.append(_Accepted(last.place + 1, frame.index, frame.time_s))
 
     def at(self, time_s: float) -> _Accepted:

@@ -47,6 +47,7 @@ class ActionConverter:
         return relative(poses)
 
     def _joints(self, action: Array) -> Array:
+        """An absolute action in a mode of joints."""
         command = base_of(self._env).backend.last_command
         is_pose = self._given == CARTESIAN.name
         targets = (
@@ -61,6 +62,7 @@ class ActionConverter:
         return targets - start
 
     def _poses(self, action: Array) -> Array:
+        """An action of absolute joints as absolute tool poses."""
         command = DuoCommand.from_flat(action)
         poses = self._kinematics.forward(command.joints)
         return np.concatenate(

@@ -8,8 +8,21 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.core.errors import ActionError
-from duobench.core.spatial import SE3, length, product, rotation_by, rotation_vector
-from duobench.core.types import ARM_JOINTS, SIDE_SIZE, SIDES, Array, DuoCommand, Side
+from duobench.core.spatial import (
+    SE3,
+    length,
+    product,
+    rotation_by,
+    rotation_vector,
+)
+from duobench.core.types import (
+    ARM_JOINTS,
+    SIDE_SIZE,
+    SIDES,
+    Array,
+    DuoCommand,
+    Side,
+)
 from duobench.envs import spaces
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.envs.duo_env import (

@@ -15,7 +15,12 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.core.backend import CameraGeometry, DuoBackend
-from duobench.core.errors import BackendError, DuoBenchError, OptionError, escaped
+from duobench.core.errors import (
+    BackendError,
+    DuoBenchError,
+    OptionError,
+    escaped,
+)
 from duobench.core.types import CONTROL_HZ, Array, DuoCommand
 from duobench.envs import spaces
 from duobench.envs.action_modes import ActionMode

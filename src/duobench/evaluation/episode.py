@@ -23,7 +23,12 @@ from duobench.core.versions import (
     record_versions,
     source_hashes,
 )
-from duobench.data import EpisodeInfo, Outcome, Recorder, Recording
+from duobench.data import (
+    EpisodeInfo,
+    Outcome,
+    Recorder,
+    Recording,
+)
 from duobench.data.stream import INTERRUPTED
 from duobench.envs.config import FIXED, EnvConfig
 from duobench.envs.registration import make
@@ -38,7 +43,12 @@ from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.serving.codec import pack
 from duobench.results.journal import EpisodeTimes
 from duobench.results.records import NOT_REPEATABLE, FirstAnswer, Record
-from duobench.results.run import Candidate, Run, TimeLimits, needed_options
+from duobench.results.run import (
+    Candidate,
+    Run,
+    TimeLimits,
+    needed_options,
+)
 from duobench.results.suite import Episode, Suite
 from duobench.tasks import catalog
 from duobench.tasks.shifts.shift import RENDERER

@@ -17,7 +17,12 @@ from duobench.core.errors import (
 )
 from duobench.data import Actor, ActorKind
 from duobench.envs.sim_env import sim_of
-from duobench.policy import Batching, Policy, PolicyMetadata, SessionPolicy
+from duobench.policy import (
+    Batching,
+    Policy,
+    PolicyMetadata,
+    SessionPolicy,
+)
 from duobench.policy.batch import ONE_BY_ONE
 from duobench.policy.registry import (
     PolicyKind,

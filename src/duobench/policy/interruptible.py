@@ -79,17 +79,20 @@ class InterruptiblePolicy:
         self._calls.put(None)
 
     def _begin(self, call: Callable[[], Any]) -> Future[Any]:
+        """Give a call to the thread."""
         self._answer = answer = Future[Any]()
         self._calls.put((answer, call))
         return answer
 
     def _ask(self, call: Callable[[], Any]) -> Any:
+        """Give a call to the thread, and wait for its answer."""
         answer = self._begin(call)
         while not wait((answer,), PATIENCE_S).done:
             self.on_wait()
         return answer.result()
 
     def _work(self) -> None:
+        """Make the calls one after the other, in the thread."""
         while (asked := self._calls.get()) is not None:
             answer, call = asked
             if answer.done():  # given up before it began

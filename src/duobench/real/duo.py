@@ -4,15 +4,33 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Iterable,
+    Mapping,
+    Sequence,
+)
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from duobench.core.backend import RGB, AnyCamera, CameraGeometry, Image, Sizes, Wanted
+from duobench.core.backend import (
+    RGB,
+    AnyCamera,
+    CameraGeometry,
+    Image,
+    Sizes,
+    Wanted,
+)
 from duobench.core.errors import ActionError, BackendError, escaped
 from duobench.core.spatial import SE3
-from duobench.core.types import SIDES, Array, DuoCommand, DuoState, Side
+from duobench.core.types import (
+    SIDES,
+    Array,
+    DuoCommand,
+    DuoState,
+    Side,
+)
 from duobench.real.canonical import CanonicalViews
 from duobench.real.clock import Clock
 from duobench.real.controller import ArmsController
@@ -87,9 +105,8 @@ class FrankaDuo:
         self._watchdog = Watchdog(
             self._controller, self.cameras, self.supervisor, clock, self.hold
         )
-        self._motion = (
-            threading.RLock()
-        )  # between who moves the arms and who holds them
+        # Between what moves the arms and what holds them.
+        self._motion = threading.RLock()
         left, right = (rig.arms[side] for side in SIDES)
         self.limits = duo_limits()
         """Limits of the simulation, so that spaces are the same; the rig's own are narrower."""

@@ -9,7 +9,12 @@ import hashlib
 import re
 import zlib
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, NamedTuple, TypedDict
+from typing import (
+    Annotated,
+    ClassVar,
+    NamedTuple,
+    TypedDict,
+)
 
 import numpy as np
 from msgspec import Meta

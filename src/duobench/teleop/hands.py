@@ -6,7 +6,12 @@ from typing import cast, get_args
 import numpy as np
 
 from duobench.core.spatial import SE3, product
-from duobench.core.types import SIDES, DuoCommand, DuoState, Side
+from duobench.core.types import (
+    SIDES,
+    DuoCommand,
+    DuoState,
+    Side,
+)
 from duobench.envs.action_modes import CARTESIAN
 from duobench.teleop.intent import Intent
 from duobench.teleop.messages import (
@@ -245,11 +250,12 @@ class HandDevice:
         self.sampled_s: float | None = None
         """Time at which the newest sample arrived, in seconds."""
         self._has_seen_open = False
-        self._acting, self._led = (
-            set[str](),
-            set[str](),
-        )  # since the last step, since the first one
-        self.led_by, self.executed_ms = "", math.nan
+        self._acting = set[str]()
+        """Devices that have led since the last step."""
+        self._led = set[str]()
+        """Devices that have led since the first one."""
+        self.led_by = ""
+        self.executed_ms = math.nan
 
     @property
     def clutch(self) -> tuple[bool, bool]:

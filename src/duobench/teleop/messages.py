@@ -137,6 +137,7 @@ class Instruction(PageMessage, frozen=True):
 
 
 def _check_line(what: str, text: str) -> None:
+    """Reject a text that is not one line that can be printed."""
     if text != escaped(text) or len(text.splitlines()) > 1:
         raise ValueError(f"{what} is one line that can be printed")
 

@@ -110,5 +110,6 @@ class Pace:
 
     @property
     def _is_over(self) -> bool:
+        """Whether everything has rested long enough, or moved for too long."""
         is_quiet = self._quiet >= round(QUIET_S * CONTROL_HZ)
         return is_quiet or self._after_led >= round(LONGEST_REST_S * CONTROL_HZ)

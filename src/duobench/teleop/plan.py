@@ -180,6 +180,7 @@ class TaskProgress:
                 self.operators[info.operator] += 1
 
     def _begun(self, layout: int) -> int:
+        """Number of attempts at a layout, at least that of its kept episodes."""
         return max(self._attempts[layout], self._kept[layout])
 
     def _read(self, path: Path) -> EpisodeInfo | None:
@@ -242,9 +243,8 @@ class PlannedSessions:
         before = self._session
         if before is not None:
             is_complete = self.progress[before.env.task].next_layout() is None
-            self._close(
-                forget=is_complete
-            )  # else what was discarded waits for the task
+            # What was discarded waits for the task.
+            self._close(forget=is_complete)
         chosen = "" if before is None else before.chosen
         elsewhere: list[str] = []
         for task in sorted(self._tasks, key=lambda each: each != chosen):
@@ -276,6 +276,7 @@ class PlannedSessions:
         return [self._item(task) for task in self._tasks]
 
     def _item(self, task: str) -> dict[str, Any]:
+        """A task as the page lists it."""
         progress = self.progress[task]
         who = [
             f"{name or UNNAMED} {count}"
@@ -292,12 +293,14 @@ class PlannedSessions:
         }
 
     def _is_led_elsewhere(self, task: str) -> bool:
+        """Whether another process has locked a task."""
         if self._session is not None and self._session.env.task == task:
             return False
         folder = SessionEpisodes.folder(self._data, task)
         return folder.exists() and is_locked(folder)
 
     def _close(self, *, forget: bool) -> None:
+        """Close the session that is open; the next one has the operator of this one."""
         if self._session is not None:
             session, self._session = self._session, None
             self._actor = session.env.actor

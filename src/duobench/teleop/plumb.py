@@ -63,6 +63,7 @@ class PlumbLines:
         return np.array([self._row(side) for side in SIDES], dtype=np.float32)
 
     def _row(self, side: Side) -> list[float]:
+        """Tool, beginning of its line, and length of it, of one side."""
         x, y, z = self._sim.data.site_xpos[self._tools[side]].tolist()
         held = self._held(side)
         ignored = self._own[side] | self._ignored

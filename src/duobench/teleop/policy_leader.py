@@ -102,6 +102,7 @@ class PolicyLeader:
         self._asked.close()
 
     def _ask(self) -> Future[Any]:
+        """Render what the policy sees, and ask it."""
         self._render(True)
         observation = self._observe()
         self._render(False)
@@ -253,6 +254,7 @@ class SharedControl:
             self._policy.close()
 
     def _take_over(self, policy: PolicyLeader) -> None:
+        """Let the hands lead in the place of the policy."""
         policy.forget()
         self.is_policy = False
         self._has_taken_over = True
@@ -267,6 +269,7 @@ class SharedControl:
         self.note = LOST if self.is_paused else "The policy leads."
 
     def _of_policy(self, policy: PolicyLeader) -> Intent | None:
+        """The next action of the policy; None while it thinks."""
         try:
             action = policy.next_action()
         except PolicyError:

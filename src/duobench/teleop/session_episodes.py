@@ -39,7 +39,7 @@ class SessionEpisodes:
         """Number of the first layout that was never begun."""
         self.discarded = data.discarded.episodes(env.task)
         """Discarded files, which can be restored; the last one last."""
-        self.asked: dict[Path, str] = {}
+        self.restored: dict[Path, str] = {}
         """Restored ones, about which is asked again, and how they ended, the first one first; files
         stay where they are until they are kept."""
 
@@ -56,7 +56,7 @@ class SessionEpisodes:
         """Discard the episode that runs, or waits to be decided."""
         self._env.set_aside(SET_ASIDE)
         files = self._data.discarded.episodes(self._task)
-        self.discarded = [path for path in files if path not in self.asked]
+        self.discarded = [path for path in files if path not in self.restored]
 
     def restore(self) -> str:
         """Ask again about the episode that was discarded last; return its name.
@@ -67,14 +67,14 @@ class SessionEpisodes:
         if not self.discarded:
             raise DataError(NOTHING_DISCARDED)
         path = self.discarded[-1]
-        self.asked[path] = _described(path)
+        self.restored[path] = _described(path)
         self.discarded.pop()
         return path.stem
 
     def discard_asked(self) -> Path:
         """Discard again the episode that is asked about; it can be restored once more."""
-        path = next(iter(self.asked))
-        del self.asked[path]
+        path = next(iter(self.restored))
+        del self.restored[path]
         self.discarded.append(path)
         return path
 

@@ -136,6 +136,7 @@ class TeleopPage:
         self.show()
 
     def _use(self, session: Teleoperation) -> None:
+        """Show another session."""
         self._session = session
         self._env = cast("SimEnv", session.env.base)
         session.before_reset = self.show
@@ -201,6 +202,7 @@ class TeleopPage:
         )
 
     def _new_lines(self) -> PlumbLines:
+        """Lines from the tools to what lies below them."""
         return PlumbLines(self._env.simulation)
 
     def _data(self) -> mujoco.MjData:

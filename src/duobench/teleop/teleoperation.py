@@ -19,7 +19,12 @@ from duobench.core.errors import (
     PolicyError,
 )
 from duobench.core.randomness import TRAIN, episode_seed
-from duobench.core.types import CONTROL_HZ, SIDES, DuoState, Side
+from duobench.core.types import (
+    CONTROL_HZ,
+    SIDES,
+    DuoState,
+    Side,
+)
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.attempts import SKIPPED, Attempt
 from duobench.data.recorder import UNDECIDED
@@ -49,7 +54,12 @@ from duobench.teleop.messages import (
     Restore,
 )
 from duobench.teleop.pace import Pace
-from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
+from duobench.teleop.panel import (
+    LEAD,
+    SOLVED,
+    Button,
+    Panel,
+)
 from duobench.teleop.plan import TaskProgress
 from duobench.teleop.policy_leader import PolicyLeader, SharedControl
 from duobench.teleop.session_episodes import SessionEpisodes
@@ -70,6 +80,7 @@ that falls shut slowly is not; what rests on the table or in a hand moves by a t
 TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 """Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
 from where its hand wants it, and when a hand lets go, or is lost."""
+RETREAT = "Solved: open the hands and retreat."
 UNSOLVED = "The task is not solved yet; discard ends the episode."
 ASKED_LATER = "Episode {} is asked about once this one is over, and kept or discarded."
 LATER = "The new instruction is that of the next episode."
@@ -197,9 +208,8 @@ class Teleoperation:
         self._is_held = False
         data = env.data
         self._episodes = None if data is None else SessionEpisodes(env, data)
-        self._is_settled = (
-            False  # whether the episode that is over was kept or discarded
-        )
+        self._is_settled = False
+        """Whether the episode that is over was kept or discarded."""
         self._progress = TaskProgress(data, env.task, episodes, times)
         self.number = 0 if self._episodes is None else self._episodes.next_number
         """Number of the episode, which is the name of its file."""
@@ -245,12 +255,8 @@ class Teleoperation:
         self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
         if self._is_paused or self._is_held:
             self.env.pause()
-        if (
-            self._is_paused
-            or self._is_held
-            or self._question
-            or (self.lockstep and not has_hands)
-        ):
+        waits_for_hands = self.lockstep and not has_hands
+        if self._is_paused or self._is_held or self._question or waits_for_hands:
             return False
         if self._state is TeleopState.WAITING:
             prompt = self.device.prompt(now_s)
@@ -267,15 +273,12 @@ class Teleoperation:
             if self._stand():
                 return False
             intent = self.leading.rest()
-        ends = self._state is TeleopState.SUCCESS
-        if (
-            not self.pace.runs(
-                intent,
-                self._seen,
-                ends=ends,
-            )
-            and self._stand()
-        ):
+        runs = self.pace.runs(
+            intent,
+            self._seen,
+            ends=self._state is TeleopState.SUCCESS,
+        )
+        if not runs and self._stand():
             return False
         self._step(intent)
         return True
@@ -341,6 +344,7 @@ class Teleoperation:
         return lead + int(state in self.keeps and state is not TeleopState.RECORDING)
 
     def _buttons(self, state: TeleopState) -> tuple[Button, ...]:
+        """Buttons that may be pressed in a state."""
         found: list[Button] = []
         if self._is_held:
             found.append(
@@ -393,9 +397,9 @@ class Teleoperation:
         """The question about a restored episode; empty while another one runs or is decided."""
         episodes = self._episodes
         is_open = self._state in _UNBEGUN or self._is_settled
-        if episodes is None or not episodes.asked or not is_open:
+        if episodes is None or not episodes.restored or not is_open:
             return ""
-        return f"Keep {next(iter(episodes.asked.values()))}, or discard it again?"
+        return f"Keep {next(iter(episodes.restored.values()))}, or discard it again?"
 
     def status(self) -> dict[str, Any]:
         """Return the fields of the page's message `status`."""
@@ -442,6 +446,7 @@ class Teleoperation:
 
     @property
     def _limit_s(self) -> float:
+        """Seconds that the episode may be led."""
         return self.env.get_wrapper_attr("_max_episode_steps") / CONTROL_HZ
 
     def _said(self) -> str:
@@ -454,9 +459,8 @@ class Teleoperation:
             return self._question
         left_s = self._limit_s - self.led_s
         if self._state is TeleopState.RECORDING and left_s <= WARNED_S:
-            return (
-                f"{ENDING.format(np.ceil(left_s), self._limit_s)} {self.note}".strip()
-            )
+            ending = ENDING.format(np.ceil(left_s), self._limit_s)
+            return f"{ending} {self.note}".strip()
         return self.note
 
     def _handle(self) -> bool:
@@ -525,9 +529,11 @@ class Teleoperation:
 
     @property
     def _judge(self) -> Any:
+        """Judge of the environment, which counts the stages."""
         return self.env.get_wrapper_attr("judge")
 
     def _step(self, intent: Intent) -> None:
+        """Make a control step, and say what has come of it."""
         before = self._judge.get_state()
         self.env.clutch = intent.clutch
         self.env.device = self.device.led_by or None
@@ -548,19 +554,14 @@ class Teleoperation:
         elif self._state is TeleopState.SUCCESS and not info["success"]:
             self._state, self.note = TeleopState.RECORDING, ""  # it was taken back
         elif info["success"] and self._state is TeleopState.RECORDING:
-            self._state, self.note = (
-                TeleopState.SUCCESS,
-                "Solved: open the hands and retreat.",
-            )
+            self._state, self.note = TeleopState.SUCCESS, RETREAT
 
     def _why_over(self, info: Info) -> str:
         return "Solved." if info["success"] else "Time is up."
 
     def _end(self, note: str) -> None:
-        self._state, self.note = (
-            TeleopState.DECIDE,
-            f"{note} Keep the episode or discard it.",
-        )
+        self._state = TeleopState.DECIDE
+        self.note = f"{note} Keep the episode or discard it."
         if self._is_kept:
             self._keep()
 
@@ -616,6 +617,7 @@ class Teleoperation:
             self.note = ASKED_LATER.format(name)
 
     def _keep_restored(self) -> None:
+        """Keep the restored episode that is asked about, and go on."""
         if self._episodes is None:
             return
         try:
@@ -644,6 +646,7 @@ class Teleoperation:
         self._progress.note(self._layout, kept=reason is None)
 
     def _attempt(self, reason: str | None) -> Attempt:
+        """The attempt at the layout as it stands."""
         success = bool(self._info["success"])
         actor = replace(self.env.actor, device=self.env.device or self.env.actor.device)
         return Attempt(
@@ -659,6 +662,7 @@ class Teleoperation:
         )
 
     def _arrange(self, message: Instruction | Operator | SelectItem) -> None:
+        """Take a word of the operator about what comes next."""
         match message:
             case Instruction(text=text):
                 self._instruct(text.strip())
@@ -721,10 +725,8 @@ class Teleoperation:
     def _reset(self) -> None:
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._layout, TRAIN)
-        self._state, self._is_kept = (
-            TeleopState.WAITING,
-            False,
-        )  # also if arms do not get home
+        # Also if arms do not get home.
+        self._state, self._is_kept = TeleopState.WAITING, False
         env.next_name = f"{self.number:05d}"
         self._info: Info = env.reset(seed=seed, options=self._reset_options(seed))[1]
         self._seen: DuoState = env.base.backend.read()

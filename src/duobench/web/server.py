@@ -11,7 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from urllib.parse import SplitResult, parse_qs, unquote, urlsplit
+from urllib.parse import (
+    SplitResult,
+    parse_qs,
+    unquote,
+    urlsplit,
+)
 
 import websockets
 from websockets.asyncio.server import ServerConnection

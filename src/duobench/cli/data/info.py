@@ -10,7 +10,12 @@ import tyro
 from rich.table import Table
 
 from duobench.cli.shared.advice import FOREIGN, advising
-from duobench.cli.shared.console import numeric, say, table, whole
+from duobench.cli.shared.console import (
+    numeric,
+    say,
+    table,
+    whole,
+)
 from duobench.cli.shared.folders import AS_NOTED, open_data
 from duobench.data.used_rows import Reason
 

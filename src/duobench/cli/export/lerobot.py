@@ -6,7 +6,12 @@ from pathlib import Path
 
 import tyro
 
-from duobench.cli.shared.advice import FOREIGN, Advice, AdvisedError, advising
+from duobench.cli.shared.advice import (
+    FOREIGN,
+    Advice,
+    AdvisedError,
+    advising,
+)
 from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.folders import open_data
 from duobench.cli.shared.process import raising

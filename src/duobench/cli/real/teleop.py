@@ -80,7 +80,7 @@ def run(
             terminal,
             episodes=episodes,
             policy=leading.play(source, recorder),
-            **leading.asked(),
+            **leading.settings,
         )
         ending.enter_context(session)
         server = page.serve()

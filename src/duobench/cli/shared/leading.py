@@ -65,9 +65,13 @@ class LeadingOptions:
             kind=kind, name=self.operator, device=led_by.led_by or None
         )
 
-    def asked(self) -> dict[str, Any]:
+    @property
+    def settings(self) -> dict[str, Any]:
         """Settings of a session."""
-        return {"instruction": self.instruction, "lockstep": self.lockstep}
+        return {
+            "instruction": self.instruction,
+            "lockstep": self.lockstep,
+        }
 
     def find_policy(
         self,

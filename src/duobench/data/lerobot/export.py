@@ -1,7 +1,14 @@
 """Export of a data set: missing episodes are exported, then the metadata is written."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Collection,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -64,7 +71,12 @@ from duobench.data.lerobot.folder import (
     Vectors,
     schema,
 )
-from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
+from duobench.data.lerobot.metadata import (
+    Counts,
+    count_values,
+    finish,
+    no_counts,
+)
 from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.reviews import Judgement, Review, joined
@@ -219,7 +231,7 @@ def _plan(
         judgement = judgements[path]
         info = judgement.judged(recording.info)
         is_wanted = _is_wanted(info, options) and len(recording) > 0
-        if is_wanted and _is_unwanted_failure(info, options):
+        if is_wanted and info.is_led_failure and not options.keep_failures:
             failures += 1
         elif is_wanted and digest not in digests:
             digests.add(digest)
@@ -345,13 +357,6 @@ def _is_wanted(info: EpisodeInfo, options: ExportOptions) -> bool:
     if outcome is None or (options.only_successes and not outcome.success):
         return False
     return outcome.kept and info.domain in options.domains
-
-
-def _is_unwanted_failure(info: EpisodeInfo, options: ExportOptions) -> bool:
-    """Whether a person led an episode without success, and none such is asked for."""
-    outcome = info.outcome
-    is_failure = outcome is not None and not outcome.success
-    return is_failure and info.is_led and not options.keep_failures
 
 
 def _check(

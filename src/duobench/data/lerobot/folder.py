@@ -14,7 +14,12 @@ import pyarrow as pa
 
 from duobench.core.codecs import HEVC12
 from duobench.core.errors import OtherRunError
-from duobench.core.files import begin_or_continue, differences, read, remove_temporary
+from duobench.core.files import (
+    begin_or_continue,
+    differences,
+    read,
+    remove_temporary,
+)
 from duobench.core.lerobot_keys import (
     ACTION,
     DOMAIN,

@@ -13,7 +13,12 @@ from itertools import groupby
 from typing import Any
 
 from duobench.core.lerobot_keys import ACTION, STATE
-from duobench.data.lerobot.folder import Export, as_json, columns, image_key
+from duobench.data.lerobot.folder import (
+    Export,
+    as_json,
+    columns,
+    image_key,
+)
 
 NORM_STATS = "assets/duobench/norm_stats.json"
 """openpi's statistics in the folder of an export: `assets_dir` is `assets`, `asset_id` the next."""

@@ -10,9 +10,19 @@ from typing import Any
 import numpy as np
 
 from duobench.core.errors import DuoBenchError, EvaluationError, check_known
-from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, SIDES, DuoCommand
+from duobench.core.types import (
+    CONTROL_HZ,
+    OPENING_SLOTS,
+    SIDES,
+    DuoCommand,
+)
 from duobench.core.video import jpeg
-from duobench.data import DataSet, EpisodeInfo, ImageSource, Recording
+from duobench.data import (
+    DataSet,
+    EpisodeInfo,
+    ImageSource,
+    Recording,
+)
 from duobench.data.dataset import DESCRIPTION as DATA_SET
 from duobench.data.images import RecordedImages, resized
 from duobench.data.reviews import name_of
@@ -138,9 +148,11 @@ class DataSource:
             self._list()
 
     def _files(self) -> list[Path]:
+        """Files of the recordings that are viewed."""
         return self._data.episodes_of(self._tasks)
 
     def _list(self) -> None:
+        """List the recordings; those that were read before are not read again."""
         before = self._recorded
         self._recorded = {
             name_of(path): before.get(name_of(path)) or Recorded.read(path)
@@ -478,6 +490,7 @@ def _picture_of(
         simulation.apply(next(task.layouts(info.seed, info.split)))
 
     def show(recording: Recording, row: int) -> None:
+        """Show the arms of one row."""
         joints = np.delete(recording.agent_pos[row], OPENING_SLOTS)
         command = DuoCommand(
             joints=joints.reshape(len(SIDES), -1),
@@ -500,6 +513,7 @@ def _in_words(corrections: Sequence[tuple[int, int, str]]) -> str:
 
 
 def _recorded(name: str, take: Take) -> Item:
+    """A take as the page lists it."""
     return Item(
         id=name,
         title=name.replace("/", " "),

@@ -71,6 +71,7 @@ class Recorded:
         judgement = reviews.of(self.path)
         info = judgement.judged(self.info)
         outcome = info.outcome
+        is_kept = outcome is not None and outcome.kept
         end = FAILURE
         if outcome is None or outcome.cut:
             end = CUT
@@ -86,10 +87,8 @@ class Recorded:
             stage=0 if outcome is None else outcome.stage,
             max_stage=0 if outcome is None else outcome.max_stage,
             end=end,
-            kept=outcome is not None and outcome.kept,
-            exported=outcome is not None
-            and outcome.kept
-            and (outcome.success or not info.is_led),
+            kept=is_kept,
+            exported=is_kept and not info.is_led_failure,
             reason="" if outcome is None else outcome.reason or "",
             note=judgement.note,
             rows=None if judgement.rows == (0, self.length) else judgement.rows,

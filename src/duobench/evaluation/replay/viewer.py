@@ -185,6 +185,7 @@ class Viewer:
         self._publish()
 
     def _review(self, command: ReviewTake) -> None:
+        """Write down what a visitor says about a take; an error is said on the page."""
         if not isinstance(self._source, DataSource):
             return
         said = {
@@ -288,6 +289,7 @@ class Viewer:
         camera: str,
         image: bytes,
     ) -> dict[str, Any]:
+        """A camera's image as the page shows it."""
         self._number += 1
         return {
             "name": camera,

@@ -1,6 +1,11 @@
 """Operator at a terminal: messages, questions, and keys that act at once."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from typing import Protocol
@@ -17,7 +22,12 @@ from duobench.real.sessions.preparing import (
     clear,
     find_hindrance,
 )
-from duobench.real.sessions.session import HELD_BY_OPERATOR, Phase, RigSession, Stopped
+from duobench.real.sessions.session import (
+    HELD_BY_OPERATOR,
+    Phase,
+    RigSession,
+    Stopped,
+)
 from duobench.teleop.panel import Button
 
 QUIT = "q"
@@ -73,9 +83,8 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
     key for each; any that counts at once holds the fingers.
     """
     while (hindrance := find_hindrance(duo)) is not None:
-        buttons = {
-            each.key: each for each in hindrance.buttons if each.id != CARRY
-        }  # objects are taken first
+        # Objects are taken first.
+        buttons = {each.key: each for each in hindrance.buttons if each.id != CARRY}
         key = operator.ask(asking(hindrance.todo, buttons), f"{''.join(buttons)}{QUIT}")
         if key == QUIT:
             return False

@@ -106,6 +106,7 @@ def clear(duo: FrankaDuo, message: PageMessage) -> None:
 
 
 def _opening(holding: Sequence[Side]) -> tuple[Button, ...]:
+    """Buttons that open the hands that hold something, or carry home what one of them holds."""
     is_both = len(holding) == len(SIDES)
     one_by_one = tuple(
         Button(
@@ -136,4 +137,5 @@ def _opening(holding: Sequence[Side]) -> tuple[Button, ...]:
 
 
 def _named(sides: Sequence[Side]) -> str:
+    """Sides in words."""
     return " and ".join(sides)

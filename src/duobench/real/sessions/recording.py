@@ -14,7 +14,12 @@ import numpy as np
 from duobench.core.errors import OptionError, OutputError, PolicyError
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.types import Array
-from duobench.data import Actor, ActorKind, DataSet, Recording
+from duobench.data import (
+    Actor,
+    ActorKind,
+    DataSet,
+    Recording,
+)
 from duobench.data.rig import placement
 from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import JOINT

@@ -52,8 +52,19 @@ from duobench.results.run import needed_options
 from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.intent import TeleopDevice
-from duobench.teleop.messages import Discard, Hands, Hold, Keep, Message
-from duobench.teleop.panel import LEAD, SOLVED as SOLVED_STEP, Button, Panel
+from duobench.teleop.messages import (
+    Discard,
+    Hands,
+    Hold,
+    Keep,
+    Message,
+)
+from duobench.teleop.panel import (
+    LEAD,
+    SOLVED as SOLVED_STEP,
+    Button,
+    Panel,
+)
 from duobench.teleop.plumb import PlumbLines
 from duobench.teleop.teleop_page import TeleopPage
 from duobench.teleop.teleoperation import (
@@ -183,6 +194,7 @@ class RigTeleoperation(Teleoperation):
         return self._is_moving
 
     def _check_state(self, *states: TeleopState) -> None:
+        """Reject a message that is for other states."""
         if self.state not in states or self._is_moving:
             raise MessageError(NOT_NOW.format(str(self.state)))
 
@@ -298,6 +310,7 @@ class RigTeleoperation(Teleoperation):
         return is_placing or self._state is TeleopState.WAITING
 
     def _obey(self, message: PageMessage) -> None:
+        """Do what a message says that has no hands in it, also those of a rig."""
         match message:
             case Hold():  # the arms were held at once
                 self.device.let_go()
@@ -342,6 +355,7 @@ class RigTeleoperation(Teleoperation):
         )
 
     def _go_home(self, with_object: bool) -> None:
+        """Send the arms home, with the layout of the episode."""
         self._is_home = False
         try:
             if with_object:
@@ -353,6 +367,7 @@ class RigTeleoperation(Teleoperation):
         self._is_home = True
 
     def _place(self) -> None:
+        """Begin with the objects in their places."""
         rig = self._real.rig
         rig.supervisor.check_confirmed()
         if not self._is_home:
@@ -382,9 +397,11 @@ class RigTeleoperation(Teleoperation):
         self._judge.begin()
 
     def _reset_options(self, seed: int) -> dict[str, Any]:
+        """Options of the reset, with the layout by which objects are placed."""
         return {**super()._reset_options(seed), LAYOUT: self.layout}
 
     def _instruct(self, text: str) -> None:
+        """Take an instruction, for this episode as long as the arms are not at home."""
         if self._state is TeleopState.MAKING_READY and not self._is_home:
             self._instruction = text
             self._reset()
@@ -392,6 +409,7 @@ class RigTeleoperation(Teleoperation):
             super()._instruct(text)
 
     def _discard(self) -> None:
+        """Discard the episode, if there is one yet."""
         if self.state is not TeleopState.MAKING_READY:  # there is nothing yet
             super()._discard()
 
@@ -421,15 +439,16 @@ class RigTeleoperation(Teleoperation):
             super()._keep()
 
     def _end(self, note: str) -> None:
+        """End the episode, and what is said about its stages."""
         self._judge.end()
         super()._end(note)
 
     def _accept(self) -> None:
+        """Keep the episode, with its stages as the operator has corrected them."""
         self.env.finish()
         labels = self._judge.labels
-        if (
-            labels.all
-        ):  # what was taken back, or pressed after the end, counts in all rows
+        # What was taken back, or pressed after the end, counts in all rows.
+        if labels.all:
             self.env.correct(labels.changes(), holds=True)
         super()._accept()
 
@@ -475,6 +494,7 @@ class RigTeleopPage(TeleopPage):
         self._rig_session.stop()
 
     def _take(self, message: PageMessage) -> None:
+        """Take a message of the driver, which is a sign of the page too."""
         if not isinstance(message, Hold):  # perhaps of one who watches
             self._heard = time.monotonic()
         if isinstance(message, _PREPARING):
@@ -486,6 +506,7 @@ class RigTeleopPage(TeleopPage):
         super()._leave(gives_way)
 
     def _look(self) -> None:
+        """Hold the arms if the page that lets them move gives no sign."""
         session, silent = self._rig_session, time.monotonic() - self._heard
         if session.is_moving and session.is_led_by_page and silent > self._silence:
             self._real.rig.hold(f"The operator's page gave no sign for {silent:.1f} s.")
@@ -497,6 +518,7 @@ class RigTeleopPage(TeleopPage):
         return Geometry(self._picture.model)
 
     def _new_lines(self) -> PlumbLines:
+        """Lines to the table: where objects really are is not known."""
         return PlumbLines(self._picture, has_objects=False)
 
     def _data(self) -> mujoco.MjData:

@@ -17,7 +17,12 @@ from typing import Any, Protocol
 import gymnasium as gym
 
 from duobench.core.errors import BackendError, MessageError
-from duobench.evaluation.rollouts import Info, Observation, Step, Watcher
+from duobench.evaluation.rollouts import (
+    Info,
+    Observation,
+    Step,
+    Watcher,
+)
 from duobench.policy.interruptible import InterruptiblePolicy
 from duobench.real.duo import FrankaDuo
 from duobench.real.judge import HumanJudge

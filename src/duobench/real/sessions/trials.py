@@ -45,7 +45,12 @@ from duobench.real.sessions.trials_folder import (
 )
 from duobench.real.sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.results.records import REAL, Judged, Record
-from duobench.results.run import Candidate, Run, TimeLimits, needed_options
+from duobench.results.run import (
+    Candidate,
+    Run,
+    TimeLimits,
+    needed_options,
+)
 from duobench.results.suite import Suite, TaskInfo
 from duobench.tasks import catalog
 from duobench.tasks.task import Task

@@ -82,10 +82,9 @@ class LeaderDevice:
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
         """Time at which they were read last, in seconds."""
-        self.led_by, self.executed_ms = (
-            source.device,
-            math.nan,
-        )  # no page has sent what they do
+        self.led_by = source.device
+        self.executed_ms = math.nan
+        """Never known: no page has sent what they do."""
 
     @property
     def clutch(self) -> tuple[bool, bool]:

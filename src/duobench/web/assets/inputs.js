@@ -1,5 +1,6 @@
 // Everything with which a person drives the arms, and the panel that says how.
 
+import { make } from "./controls.js";
 import { Gamepads } from "./gamepad.js";
 import { Hands } from "./hands.js";
 import { Headset, support } from "./headset.js";
@@ -132,14 +133,6 @@ const TICK_MS = 8; // how often it is asked whether a message is due
 const ARMS = { left: "Left arm", right: "Right arm", both: "Both arms" };
 const WORN = { "immersive-vr": "Enter VR", "immersive-ar": "Enter AR" };
 
-/** An element with attributes and children. */
-function build(name, attributes = {}, ...children) {
-  const element = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  element.append(...children);
-  return element;
-}
-
 /** The keys of a kind of page. */
 function keysOf(kind) {
   return KEYS.filter(({ on = kind }) => on === kind);
@@ -166,7 +159,7 @@ function kept(name, value) {
 
 /** The list of controls, open until somebody folds it. */
 class Help {
-  element = build("details", { class: "help" });
+  element = make("details", { class: "help" });
 
   constructor() {
     this.element.open = kept("duobench-controls") !== "folded";
@@ -181,11 +174,11 @@ class Help {
     const keys = rows.map(({ shown, does }) => [shown, does]);
     const parts = [mouse, ["Keys, while the scene is in focus", keys], ...others];
     const sections = parts.map(([device, lines]) => {
-      const list = build("dl");
-      for (const [what, does] of lines) list.append(build("dt", {}, what), build("dd", {}, does));
-      return build("section", {}, build("h2", {}, device), list);
+      const list = make("dl");
+      for (const [what, does] of lines) list.append(make("dt", {}, what), make("dd", {}, does));
+      return make("section", {}, make("h2", {}, device), list);
     });
-    this.element.replaceChildren(build("summary", {}, "Controls"), ...sections);
+    this.element.replaceChildren(make("summary", {}, "Controls"), ...sections);
   }
 }
 
@@ -266,11 +259,11 @@ export function startInputs({ scene, orbit, socket, status, element }) {
 class Panel {
   help = new Help();
   #arms;
-  #said = build("p", { role: "status" });
+  #said = make("p", { role: "status" });
 
   constructor({ hands, headset }) {
     const button = (name, act) => {
-      const made = build("button", { type: "button" }, name);
+      const made = make("button", { type: "button" }, name);
       made.addEventListener("click", act);
       return made;
     };
@@ -288,9 +281,9 @@ class Panel {
     hands.onActive = mark;
     mark();
     const buttons = [...arms.map(([, each]) => each), mirrored];
-    this.#arms = build("div", { role: "group", "aria-label": "Arm that is moved" }, ...buttons);
-    const worn = build("div", { role: "group", "aria-label": "Headset" });
-    this.element = build("section", { class: "inputs", "aria-label": "Controls" });
+    this.#arms = make("div", { role: "group", "aria-label": "Arm that is moved" }, ...buttons);
+    const worn = make("div", { role: "group", "aria-label": "Headset" });
+    this.element = make("section", { class: "inputs", "aria-label": "Controls" });
     this.element.append(this.#said, this.#arms, worn, this.help.element);
     this.show(false);
     this.say("");
@@ -310,12 +303,12 @@ class Panel {
 
   async #offer(place, headset) {
     const { vr, ar, reason } = await support();
-    const problem = build("p", { role: "status" }, reason ?? "");
+    const problem = make("p", { role: "status" }, reason ?? "");
     const offered = { "immersive-vr": vr, "immersive-ar": ar };
     const buttons = Object.keys(WORN)
       .filter((mode) => offered[mode])
       .map((mode) => {
-        const button = build("button", { type: "button" }, WORN[mode]);
+        const button = make("button", { type: "button" }, WORN[mode]);
         button.addEventListener("click", () => {
           problem.textContent = "";
           headset.enter(mode).catch((error) => {

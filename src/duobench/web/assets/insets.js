@@ -12,7 +12,7 @@ function turned([w, x, y, z], [a, b, c]) {
 }
 
 /** Eye from world and clip from eye, column by column, of a camera of a scene's file. */
-export function lensOf({ body, pose, fovy, aspect }, poses) {
+function lensOf({ body, pose, fovy, aspect }, poses) {
   const [at, turn] = [pose.slice(0, 3), pose.slice(3)];
   let axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => turned(turn, axis));
   let eye = at;

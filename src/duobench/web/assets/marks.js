@@ -6,7 +6,7 @@ const CORNERS = 24;
 const NEAREST = 0.02; // metres before a camera, from which on something is drawn
 const NUMBERS = 7; // of a tool: place, where its line begins, its length
 const SIDES = ["left", "right"];
-export const COLOURS = { left: "#ff9a3c", right: "#4fb3ff" };
+const COLOURS = { left: "#ff9a3c", right: "#4fb3ff" };
 const NAMES = { left: "Left", right: "Right" };
 
 /** Where points are in an image of `width` by `height`; null for one behind the camera. */

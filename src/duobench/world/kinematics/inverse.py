@@ -11,7 +11,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from duobench.core.spatial import SE3, length, product
-from duobench.core.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
+from duobench.core.types import (
+    ARM_JOINTS,
+    CONTROL_HZ,
+    SIDES,
+    Array,
+    Side,
+)
 from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
 from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.world.scene.naming import tcp_name

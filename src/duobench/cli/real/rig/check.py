@@ -13,7 +13,12 @@ from duobench.cli.shared.rigs import known_rig
 from duobench.core.types import ARM_JOINTS, Side
 from duobench.real.addresses import share_subnet
 from duobench.real.guard import Guard
-from duobench.real.rig import ArmConfig, CameraConfig, GripperConfig, Rig
+from duobench.real.rig import (
+    ArmConfig,
+    CameraConfig,
+    GripperConfig,
+    Rig,
+)
 from duobench.world.robot.cameras import HEAD
 from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 
