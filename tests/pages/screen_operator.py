@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from playwright.sync_api import Locator
 from scipy import ndimage
 
-from duobench.core.types import Array, Side
+from duobench.core.types import Side
 from tests.pages.leading import Led
 
 KEYS = {Side.LEFT: ("1", "g"), Side.RIGHT: ("2", "j")}
@@ -28,6 +29,8 @@ GRASP_MM, LIFT_MM = 20, 80
 MOST_TRIES = 3
 MOST_PIXELS = 120
 """Of a drag, before it is looked at again."""
+LEARNT = 10
+"""Pixels of a picture from which on a drag tells how far drags go."""
 GUESS = 0.36
 """Pixels of a camera's picture that a pixel of a drag from above moves a tool, at first."""
 HEAD_RING = 4
@@ -35,7 +38,11 @@ HEAD_RING = 4
 SETTLED = 16
 """Messages in which a tool comes to rest."""
 GRIPPED = 24
+EDGE = 4
+"""Pixels from the edge of a picture within which something is cut off, as the own fingers are."""
 MOST_WAITS = 6
+HEARD_MS = 40
+"""In which the page hears what the session says."""
 PERIOD_MS = 1000 / 60
 """From one message of the page to the next."""
 CLOCK = """{
@@ -134,7 +141,8 @@ def _angle(across: NDArray[np.int_], down: NDArray[np.int_]) -> float:
 
 
 def _touches_border(mask: Mask) -> bool:
-    return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
+    inner = mask[EDGE:-EDGE, EDGE:-EDGE]
+    return int(inner.sum()) < int(mask.sum())
 
 
 def ring_of(mask: Mask) -> tuple[complex, float]:
@@ -164,7 +172,7 @@ class ScreenOperator:
         self._middle = (x + width / 2, y + height / 2)
         self._rings: dict[str, tuple[complex, float]] = {}
         self._mm_a_pixel = 1.3
-        self._pixels = {name: GUESS + 0j for name in self._insets}
+        self._pixels = dict.fromkeys(self._insets, GUESS + 0j)
         self.log: Callable[[str], None] = lambda _line: None
         led.page.mouse.click(*self._middle)  # brings the scene into focus
         self.press("8")
@@ -183,7 +191,7 @@ class ScreenOperator:
         self._go(messages)
         for _ in range(MOST_WAITS):
             self._led.show()
-            self._page.evaluate(DRAWN)
+            self._page.wait_for_timeout(HEARD_MS)
             if "Standing still" in self._words or "Waiting" in self._words:
                 return
             self._go(SETTLED)
@@ -208,6 +216,7 @@ class ScreenOperator:
 
     def height_mm(self, side: Side) -> int | None:
         """The number that stands at a tool."""
+        self._page.evaluate(DRAWN)
         words = self._page.locator("svg text").all_text_contents()
         found = re.search(rf"{side.name.capitalize()}\D*?(\d+) mm", " ".join(words))
         return int(found[1]) if found else None
@@ -325,7 +334,7 @@ class ScreenOperator:
             seen = self.see(side, colour, name)
             if seen is None:
                 return None
-            if before is not None and abs(way) > 12:
+            if before is not None and abs(before) > LEARNT:
                 learnt = (before - seen.away) / way
                 if 0.05 < abs(learnt) < 5:
                     self._pixels[name] = learnt
@@ -344,7 +353,7 @@ class ScreenOperator:
         self.press("q" if taps > 0 else "e", abs(taps), SETTLED)
 
     @staticmethod
-    def _box(element) -> tuple[int, int, int, int]:  # noqa: ANN001
+    def _box(element: Locator) -> tuple[int, int, int, int]:
         box = element.bounding_box()
         assert box
         return (round(box["x"]), round(box["y"]), round(box["width"]), round(box["height"]))
