@@ -112,7 +112,7 @@ def test_in_each_round_of_the_protocol_every_layout_is_led_once(tmp_path: Path) 
         ("bin_sort x 1 x 2 x 3", "Unknown task"),
         ("12x50", "11 tasks, got 12"),
         ("0x50", "11 tasks, got 0"),
-        ("11x0", "at least one layout"),
+        ("11x0", "at least one episode"),
         ("bin_sort,bin_sort x 2", "once, got bin_sort twice"),
         ("bin_srot x 2", "bin_sort"),
     ],

@@ -47,7 +47,7 @@ class Plan:
     def __post_init__(self) -> None:
         if self.layouts < 1 or self.times < 1:
             raise OptionError(
-                f"A plan has at least one layout, once; got {self.layouts} x {self.times}."
+                f"Each task has at least one episode, got {self.layouts} layouts x {self.times}."
             )
         for task in self.ids:
             if self.ids.count(task) > 1:
