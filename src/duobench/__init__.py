@@ -23,7 +23,12 @@ __all__ = [
 ]
 
 try:
-    from duobench.envs.registration import make, make_vec, register, register_catalog
+    from duobench.envs.registration import (
+        make,
+        make_vec,
+        register,
+        register_catalog,
+    )
 except ModuleNotFoundError as error:
     if error.name != "gymnasium":
         raise

@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.shared.advice import OTHER_OUT, AdvisedError, advising, find_run
+from duobench.cli.shared.advice import (
+    OTHER_OUT,
+    AdvisedError,
+    advising,
+    find_run,
+)
 from duobench.cli.shared.console import say, table
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display

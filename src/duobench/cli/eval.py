@@ -22,7 +22,12 @@ from duobench.policy.serving.access import read_key
 from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
 from duobench.results.folder import RunFolder
-from duobench.results.run import WHOLE, Resuming, Shard, TimeLimits
+from duobench.results.run import (
+    WHOLE,
+    Resuming,
+    Shard,
+    TimeLimits,
+)
 from duobench.results.scores import Results
 from duobench.results.suite import PAPER_EXECUTE, SuiteChoice
 

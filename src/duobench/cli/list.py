@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import re
 
-from duobench.cli.shared.console import console, numeric, say, table, whole
+from duobench.cli.shared.console import (
+    console,
+    numeric,
+    say,
+    table,
+    whole,
+)
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import LOOKS, RANDOM
 

@@ -17,7 +17,12 @@ from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.folders import open_data
 from duobench.core.backend import Image
 from duobench.core.errors import DataError
-from duobench.core.files import check_outside, remove_abandoned, replacing, taken_back
+from duobench.core.files import (
+    check_outside,
+    remove_abandoned,
+    replacing,
+    taken_back,
+)
 from duobench.results.folder import VIDEO_SUFFIX
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import Camera

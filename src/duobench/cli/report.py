@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from duobench.cli.shared.advice import AdvisedError, find_run, offer_to_import, relative
+from duobench.cli.shared.advice import (
+    AdvisedError,
+    find_run,
+    offer_to_import,
+    relative,
+)
 from duobench.cli.shared.console import counted, results_table, say
 from duobench.cli.shared.folders import tell_missing
 from duobench.cli.shared.process import load_engine

@@ -8,7 +8,12 @@ and may be on another machine.
 import os
 import signal
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import (
+    Callable,
+    Generator,
+    Iterator,
+    Sequence,
+)
 from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing import get_context

@@ -6,7 +6,13 @@ from collections.abc import Mapping
 from dataclasses import is_dataclass
 from enum import EnumType
 from types import NoneType
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import msgspec
 

@@ -3,7 +3,12 @@
 import math
 import operator
 import sys
-from collections.abc import Collection, Hashable, Iterable, Mapping
+from collections.abc import (
+    Collection,
+    Hashable,
+    Iterable,
+    Mapping,
+)
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum

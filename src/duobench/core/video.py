@@ -5,7 +5,12 @@ import math
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator
-from contextlib import closing, contextmanager, nullcontext, suppress
+from contextlib import (
+    closing,
+    contextmanager,
+    nullcontext,
+    suppress,
+)
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, BinaryIO, cast

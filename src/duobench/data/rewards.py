@@ -8,7 +8,12 @@ from duobench.core.errors import DataError
 from duobench.core.types import Array
 from duobench.data.images import ImageSource
 from duobench.data.recording import Recording
-from duobench.envs.rewards import DENSE, PROGRESS, STAGE, reward_of
+from duobench.envs.rewards import (
+    DENSE,
+    PROGRESS,
+    STAGE,
+    reward_of,
+)
 from duobench.tasks.stages.progress import Progress
 
 

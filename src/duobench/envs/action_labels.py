@@ -17,7 +17,12 @@ from duobench.core.errors import ActionError
 from duobench.core.spatial import rotation_vector, wxyz_from_matrix
 from duobench.core.types import SIDES, Array
 from duobench.envs import action_modes
-from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT, ActionMode
+from duobench.envs.action_modes import (
+    CARTESIAN,
+    CARTESIAN_RELATIVE,
+    JOINT,
+    ActionMode,
+)
 
 ROTATION_SIZE = 6
 MIN_LENGTH = 1e-3

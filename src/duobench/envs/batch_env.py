@@ -8,7 +8,12 @@ of all episodes at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Iterable,
+    Mapping,
+    Sequence,
+)
 from dataclasses import replace
 from typing import Any, SupportsIndex
 
@@ -21,7 +26,14 @@ from gymnasium.vector.utils import batch_space
 from duobench.core.backend import CameraGeometry
 from duobench.core.errors import ActionError, OptionError, SimulationError
 from duobench.core.spatial import SE3
-from duobench.core.types import ARM_JOINTS, OPENING_SLOTS, SIDE_SIZE, SIDES, Array, Side
+from duobench.core.types import (
+    ARM_JOINTS,
+    OPENING_SLOTS,
+    SIDE_SIZE,
+    SIDES,
+    Array,
+    Side,
+)
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import (
     CARTESIAN,

@@ -4,7 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from duobench.core.backend import DEPTH, RGB, SEGMENTATION, AnyCamera, Sizes
+from duobench.core.backend import (
+    DEPTH,
+    RGB,
+    SEGMENTATION,
+    AnyCamera,
+    Sizes,
+)
 from duobench.core.errors import OptionError, check_known
 from duobench.core.types import as_flag, as_several, as_size
 from duobench.world.robot.cameras import POLICY_CAMERAS, Camera, camera_of

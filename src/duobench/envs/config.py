@@ -17,7 +17,12 @@ from duobench.core.errors import (
     escaped,
 )
 from duobench.core.randomness import EVAL, SPLITS
-from duobench.core.types import as_count, as_flag, as_size, as_whole
+from duobench.core.types import (
+    as_count,
+    as_flag,
+    as_size,
+    as_whole,
+)
 from duobench.envs import action_modes
 from duobench.envs.camera_options import (
     CAMERA_OPTIONS,

@@ -27,7 +27,13 @@ from duobench.envs.duo_env import (
     base_of,
 )
 from duobench.envs.episode_state import EpisodeState, required
-from duobench.envs.rewards import DENSE, PROGRESS, REWARDS, STAGE, reward_of
+from duobench.envs.rewards import (
+    DENSE,
+    PROGRESS,
+    REWARDS,
+    STAGE,
+    reward_of,
+)
 from duobench.tasks.stages.logic import Words
 from duobench.tasks.stages.progress import ProgressState
 

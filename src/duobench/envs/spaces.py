@@ -13,7 +13,12 @@ from numpy.typing import ArrayLike
 
 from duobench.core.backend import DuoLimits
 from duobench.core.errors import ActionError
-from duobench.core.types import ARM_JOINTS, SIDES, Array, real_array
+from duobench.core.types import (
+    ARM_JOINTS,
+    SIDES,
+    Array,
+    real_array,
+)
 
 JOINT_MARGIN = 0.5
 """Distance in radians of a measured joint beyond its range; the engine's limits are soft."""

@@ -31,7 +31,12 @@ from duobench.core.lerobot_keys import (
 )
 from duobench.envs.state_labels import shown
 from duobench.policy import lerobot_checkpoint as checkpoint
-from duobench.policy.batch import NOISE_STREAM, Chunk, Observation, Session
+from duobench.policy.batch import (
+    NOISE_STREAM,
+    Chunk,
+    Observation,
+    Session,
+)
 from duobench.policy.lerobot_checkpoint import (
     DIFFUSION,
     GROOT,

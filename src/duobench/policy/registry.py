@@ -19,7 +19,12 @@ from duobench.core.errors import (
 from duobench.core.machine import install_extra
 from duobench.core.references import load
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
-from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, SessionPolicy
+from duobench.policy.batch import (
+    Batching,
+    BatchPolicy,
+    PolicyPool,
+    SessionPolicy,
+)
 from duobench.policy.generators import MAKING_SEED, seed_generators
 from duobench.policy.policy import Policy, PolicyMetadata
 

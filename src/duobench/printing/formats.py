@@ -12,7 +12,12 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from duobench.core.files import zipped
-from duobench.printing.parts import PrintedPart, PrintJob, Spot, lay_out
+from duobench.printing.parts import (
+    PrintedPart,
+    PrintJob,
+    Spot,
+    lay_out,
+)
 from duobench.world.objects.shapes import PRINTER, Colour
 from duobench.world.objects.solid import Mesh
 

@@ -14,7 +14,12 @@ from duobench.core.types import Array
 from duobench.printing.details import Dimension, PurchasedPart, parts_to_buy
 from duobench.tasks.task import Task
 from duobench.world.objects.prop import Prop
-from duobench.world.objects.shapes import KEPT_FREE, PRINTER, THINNEST_WALL, Colour
+from duobench.world.objects.shapes import (
+    KEPT_FREE,
+    PRINTER,
+    THINNEST_WALL,
+    Colour,
+)
 from duobench.world.objects.solid import (
     PLA_DENSITY,
     Mesh,

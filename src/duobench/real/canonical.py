@@ -13,8 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pictures
 
-from duobench.core.backend import DEPTH, SEGMENTATION, Image, Wanted
-from duobench.core.errors import BackendError, DataError, OptionError, check_known
+from duobench.core.backend import (
+    DEPTH,
+    SEGMENTATION,
+    Image,
+    Wanted,
+)
+from duobench.core.errors import (
+    BackendError,
+    DataError,
+    OptionError,
+    check_known,
+)
 from duobench.core.spatial import SE3
 from duobench.core.types import Array
 from duobench.envs.camera_options import name_of

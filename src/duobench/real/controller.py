@@ -4,7 +4,12 @@ import threading
 from collections.abc import Mapping
 
 from duobench.core.errors import BackendError, DuoBenchError, escaped
-from duobench.core.types import SIDES, Array, DuoCommand, Side
+from duobench.core.types import (
+    SIDES,
+    Array,
+    DuoCommand,
+    Side,
+)
 from duobench.real.clock import Clock, Ticker
 from duobench.real.devices import Arm, Gripper
 from duobench.real.follower import Follower

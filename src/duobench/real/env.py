@@ -19,7 +19,12 @@ from duobench.envs.config import (
     checked_reset_options,
     checked_seed,
 )
-from duobench.envs.duo_env import DuoEnv, DuoWrapper, Info, Observation
+from duobench.envs.duo_env import (
+    DuoEnv,
+    DuoWrapper,
+    Info,
+    Observation,
+)
 from duobench.envs.episode_wrappers import Judge, TaskStages
 from duobench.envs.protocol import stack_on
 from duobench.real.canonical import check_seen

@@ -11,7 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from duobench.core.errors import ActionError
-from duobench.core.types import ARM_JOINTS, CONTROL_HZ, Array, DuoCommand
+from duobench.core.types import (
+    ARM_JOINTS,
+    CONTROL_HZ,
+    Array,
+    DuoCommand,
+)
 from duobench.real.rig import ArmConfig
 from duobench.world.robot.frames import tool_jacobians
 from duobench.world.robot.joints import JOINT_RANGES, RANGE_MARGIN, speed_limits

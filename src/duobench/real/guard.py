@@ -8,7 +8,12 @@ in a layout; it does not know loose objects. MuJoCo is loaded at first use.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING

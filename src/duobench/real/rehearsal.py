@@ -15,7 +15,13 @@ import numpy as np
 
 from duobench.core.errors import BackendError, SimulationError, escaped
 from duobench.core.spatial import SE3
-from duobench.core.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
+from duobench.core.types import (
+    ARM_JOINTS,
+    CONTROL_HZ,
+    SIDES,
+    Array,
+    Side,
+)
 from duobench.real.clock import Clock, Ticker
 from duobench.real.registers import GripperRegisters
 from duobench.real.rig import ArmConfig

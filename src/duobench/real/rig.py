@@ -16,7 +16,12 @@ from pathlib import Path
 import msgspec
 
 from duobench.core import files
-from duobench.core.errors import FileError, OptionError, UnknownNameError, check_known
+from duobench.core.errors import (
+    FileError,
+    OptionError,
+    UnknownNameError,
+    check_known,
+)
 from duobench.core.settings import decode, parse
 from duobench.core.types import ARM_JOINTS, SIDES, Side
 from duobench.real.addresses import is_host, is_simulator

@@ -18,8 +18,19 @@ from pathlib import Path
 from typing import ClassVar
 
 from duobench.core.errors import EvaluationError, FileError, OutputError
-from duobench.core.files import check_outside, decode, encode, write, zipped
-from duobench.results.folder import DESCRIPTION, RunFolder, RunReader, record_name
+from duobench.core.files import (
+    check_outside,
+    decode,
+    encode,
+    write,
+    zipped,
+)
+from duobench.results.folder import (
+    DESCRIPTION,
+    RunFolder,
+    RunReader,
+    record_name,
+)
 from duobench.results.records import Record
 from duobench.results.run import Run
 

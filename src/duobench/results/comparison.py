@@ -21,7 +21,13 @@ from duobench.results.entrants import (
     sources_of,
     table_rows,
 )
-from duobench.results.pages import PAGE, check_free, page, with_figures, write_files
+from duobench.results.pages import (
+    PAGE,
+    check_free,
+    page,
+    with_figures,
+    write_files,
+)
 from duobench.results.pairs import RunComparison, compare_pair
 from duobench.results.scores import RunPart
 

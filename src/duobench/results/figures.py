@@ -20,7 +20,13 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from duobench.results.scores import TIME_POINTS, Results, Score, TaskResult, percent
+from duobench.results.scores import (
+    TIME_POINTS,
+    Results,
+    Score,
+    TaskResult,
+    percent,
+)
 from duobench.results.suite import TaskInfo
 from duobench.tasks.shifts.shift import ALL_AXES, LEVELS
 

@@ -12,7 +12,12 @@ from collections.abc import Container, Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from duobench.core.errors import EvaluationError, FileError, LockedError, OtherRunError
+from duobench.core.errors import (
+    EvaluationError,
+    FileError,
+    LockedError,
+    OtherRunError,
+)
 from duobench.core.files import (
     Readable,
     begin_or_continue,
@@ -39,8 +44,18 @@ from duobench.results.journal import (
     read_attempts,
     read_entries,
 )
-from duobench.results.records import RECORD_SCHEMA, Condition, Key, Record
-from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard
+from duobench.results.records import (
+    RECORD_SCHEMA,
+    Condition,
+    Key,
+    Record,
+)
+from duobench.results.run import (
+    RUN_SCHEMA,
+    WHOLE,
+    Run,
+    Shard,
+)
 from duobench.results.suite import Episode
 
 DESCRIPTION = "run.json"

@@ -7,7 +7,13 @@ how long it took. Records say what attempts there were, and no time of the clock
 import math
 import os
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,7 +22,12 @@ from typing import Annotated, Any
 import msgspec
 
 from duobench.core.files import writing
-from duobench.results.attempts import ERROR, FAILURE, STOPPED, SUCCESS
+from duobench.results.attempts import (
+    ERROR,
+    FAILURE,
+    STOPPED,
+    SUCCESS,
+)
 from duobench.results.records import Key, Record
 from duobench.results.scores import Results
 

@@ -25,11 +25,22 @@ from duobench.results.entrants import (
     read_named,
     table_rows,
 )
-from duobench.results.pages import PAGE, check_free, json_text, page, write_files
+from duobench.results.pages import (
+    PAGE,
+    check_free,
+    json_text,
+    page,
+    write_files,
+)
 from duobench.results.pairs import Pair
 from duobench.results.records import DOMAINS, REAL, SIM
 from duobench.results.run import TRAININGS
-from duobench.results.scores import RunPart, Score, interval_percent, summarize
+from duobench.results.scores import (
+    RunPart,
+    Score,
+    interval_percent,
+    summarize,
+)
 
 DOCUMENT = "mixed.json"
 """The table for programs; a folder that has it holds one."""

@@ -4,7 +4,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from duobench.results.entrants import Entrant, Group, RowKind, TableRow
+from duobench.results.entrants import (
+    Entrant,
+    Group,
+    RowKind,
+    TableRow,
+)
 from duobench.results.records import Record, SampledLayout
 from duobench.results.scores import RunPart
 from duobench.results.statistics import (

@@ -7,7 +7,12 @@ plays a shard, within the same time limits.
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import (
+    dataclass,
+    field,
+    fields,
+    replace,
+)
 from typing import Any, ClassVar, Self
 
 import msgspec
@@ -30,7 +35,12 @@ from duobench.results.records import (
     Software,
 )
 from duobench.results.suite import Episode, Suite
-from duobench.tasks.shifts.shift import EVERY_AXIS, NO_SHIFT, Shift, every_shift
+from duobench.tasks.shifts.shift import (
+    EVERY_AXIS,
+    NO_SHIFT,
+    Shift,
+    every_shift,
+)
 
 MAX_SHARDS = 10_000
 

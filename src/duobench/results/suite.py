@@ -10,7 +10,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from duobench.core.errors import EvaluationError, OptionError, check_known
-from duobench.core.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
+from duobench.core.randomness import (
+    EVAL,
+    SUITE_VERSION,
+    episode_seed,
+    policy_seed,
+)
 from duobench.envs.config import EnvConfig
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.tasks import catalog

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.core.spatial import SE3, length, product, rotation_by, rotation_vector
+from duobench.core.spatial import (
+    SE3,
+    length,
+    product,
+    rotation_by,
+    rotation_vector,
+)
 from duobench.core.types import CONTROL_HZ, Array, Side
 from duobench.world.kinematics.inverse import within_reach
 

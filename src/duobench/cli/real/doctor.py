@@ -12,7 +12,12 @@ from PIL import Image as Pictures
 from rich.text import Text
 
 from duobench.cli.shared.advice import AdvisedError
-from duobench.cli.shared.console import CHECK_STYLES, counted, say, table
+from duobench.cli.shared.console import (
+    CHECK_STYLES,
+    counted,
+    say,
+    table,
+)
 from duobench.cli.shared.rigs import known_rig
 from duobench.core.backend import Image
 from duobench.core.errors import BackendError

@@ -1,6 +1,11 @@
 """Advice of the command line after an error of the library: which of its arguments would help."""
 
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import (
+    Callable,
+    Iterator,
+    Mapping,
+    Set,
+)
 from contextlib import contextmanager
 from pathlib import Path
 

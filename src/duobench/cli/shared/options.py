@@ -3,8 +3,18 @@
 import inspect
 import shlex
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
-from typing import Annotated, get_args, get_origin, get_type_hints
+from dataclasses import (
+    MISSING,
+    dataclass,
+    fields,
+    is_dataclass,
+)
+from typing import (
+    Annotated,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 _ELSEWHERE: Mapping[str, str] = {
     "out": "DIR",

@@ -35,7 +35,12 @@ from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.episode import Latest
 from duobench.evaluation.recorder import EpisodeRecorder
-from duobench.evaluation.rollouts import Info, Observation, Watcher, watched_by
+from duobench.evaluation.rollouts import (
+    Info,
+    Observation,
+    Watcher,
+    watched_by,
+)
 from duobench.results.records import REAL, Record
 from duobench.results.run import Run
 from duobench.results.suite import Episode, TaskInfo, find_tasks

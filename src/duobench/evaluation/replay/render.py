@@ -1,7 +1,12 @@
 """Videos and replays in 3D of episodes that are finished: their targets are played again."""
 
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Sequence
+from collections.abc import (
+    Callable,
+    Container,
+    Iterable,
+    Sequence,
+)
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import compress
@@ -22,7 +27,12 @@ from duobench.evaluation.replay.player import RecordPlayer, why_not
 from duobench.evaluation.replay.trajectory import SceneCache, TrajectoryRecorder
 from duobench.evaluation.replay.verification import disagreements
 from duobench.evaluation.rollouts import Watcher
-from duobench.evaluation.video import FRAME_EVERY, Overview, Picture, VideoRecorder
+from duobench.evaluation.video import (
+    FRAME_EVERY,
+    Overview,
+    Picture,
+    VideoRecorder,
+)
 from duobench.results.folder import RunFolder
 from duobench.results.records import Key, Record
 from duobench.results.run import Run

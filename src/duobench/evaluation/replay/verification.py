@@ -7,7 +7,13 @@ shows that a file was changed, but not that its checksum was computed anew.
 
 import operator
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Container,
+    Iterable,
+    Mapping,
+    Sequence,
+)
 from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import StrEnum

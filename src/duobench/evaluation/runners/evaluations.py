@@ -30,7 +30,13 @@ from duobench.core.files import (
 from duobench.core.randomness import TRAIN
 from duobench.core.types import CONTROL_HZ
 from duobench.data import DataSet, Recording
-from duobench.data.attempts import ATTEMPTS, ATTEMPTS_SCHEMA, RUN, Attempt, Attempts
+from duobench.data.attempts import (
+    ATTEMPTS,
+    ATTEMPTS_SCHEMA,
+    RUN,
+    Attempt,
+    Attempts,
+)
 from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
@@ -45,7 +51,14 @@ from duobench.results.folder import RunFolder
 from duobench.results.journal import Journal
 from duobench.results.records import FirstAnswer, Key, Record
 from duobench.results.report import write_report
-from duobench.results.run import RUN_SCHEMA, WHOLE, Resuming, Run, Shard, TimeLimits
+from duobench.results.run import (
+    RUN_SCHEMA,
+    WHOLE,
+    Resuming,
+    Run,
+    Shard,
+    TimeLimits,
+)
 from duobench.results.scores import Results, summarize
 from duobench.results.suite import Episode, Suite, TaskInfo
 from duobench.world.looks.catalog import as_look

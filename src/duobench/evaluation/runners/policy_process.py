@@ -7,7 +7,12 @@ from functools import partial
 import msgspec
 
 from duobench.evaluation.clock import EpisodeClock
-from duobench.evaluation.runners.process import Parent, Requests, Stop, run_child
+from duobench.evaluation.runners.process import (
+    Parent,
+    Requests,
+    Stop,
+    run_child,
+)
 from duobench.policy.batch import ONE_BY_ONE, Batching
 from duobench.policy.registry import make_batched
 from duobench.policy.serving.address import LOOPBACK, MAX_S, PolicyAddress

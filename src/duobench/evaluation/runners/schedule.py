@@ -10,7 +10,12 @@ from duobench.core.errors import (
     TaskFailedError,
     UnplayedError,
 )
-from duobench.results.attempts import MACHINERY, MOST_POLICY_ENDS, POLICY, TASK
+from duobench.results.attempts import (
+    MACHINERY,
+    MOST_POLICY_ENDS,
+    POLICY,
+    TASK,
+)
 from duobench.results.suite import Episode, TaskInfo
 
 MAX_PLAYS = 3

@@ -27,7 +27,13 @@ from duobench.core.errors import (
 )
 from duobench.core.serving_thread import ServingThread
 from duobench.core.types import as_whole
-from duobench.policy.batch import ONE_BY_ONE, Batching, BatchPolicy, PolicyPool, Session
+from duobench.policy.batch import (
+    ONE_BY_ONE,
+    Batching,
+    BatchPolicy,
+    PolicyPool,
+    Session,
+)
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import make_batched

@@ -5,7 +5,12 @@ dots between them: `images.cam_high`.
 """
 
 import tomllib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import (
+    Collection,
+    Iterable,
+    Mapping,
+    Sequence,
+)
 from dataclasses import dataclass, field, fields
 from importlib.resources import files
 from pathlib import Path

@@ -14,7 +14,12 @@ from typing import Any
 import msgspec
 from websockets.sync.client import ClientConnection
 
-from duobench.core.errors import MachineryError, MessageError, ServingError, escaped
+from duobench.core.errors import (
+    MachineryError,
+    MessageError,
+    ServingError,
+    escaped,
+)
 from duobench.core.versions import __version__
 from duobench.envs import action_modes
 from duobench.policy.batch import Batching, Chunk, Observation

@@ -20,7 +20,12 @@ from duobench.core import files
 from duobench.core.backend import Image
 from duobench.core.errors import CalibrationError
 from duobench.core.machine import load_extra
-from duobench.core.sheets import CAPITAL, Paper, Sheet, pdf
+from duobench.core.sheets import (
+    CAPITAL,
+    Paper,
+    Sheet,
+    pdf,
+)
 from duobench.core.spatial import SE3
 from duobench.core.types import Array
 from duobench.real.canonical import distorted

@@ -16,7 +16,12 @@ from duobench.real.devices import ArmReading, Camera
 from duobench.real.doctor.checks import Check, CheckOutcome
 from duobench.real.doctor.computer import computer_checks
 from duobench.real.duo import FrankaDuo
-from duobench.real.mounts import MAX_RATIO, SWAPPED, are_swapped, misfits
+from duobench.real.mounts import (
+    MAX_RATIO,
+    SWAPPED,
+    are_swapped,
+    misfits,
+)
 from duobench.real.rig import CameraConfig, GripperConfig
 from duobench.world.robot.cameras import HEAD
 

@@ -7,10 +7,20 @@ from typing import Any
 
 import mujoco
 
-from duobench.core.backend import DEPTH, RGB, Image, Sizes
+from duobench.core.backend import (
+    DEPTH,
+    RGB,
+    Image,
+    Sizes,
+)
 from duobench.core.errors import BackendError, RenderingError, check_known
 from duobench.core.types import SIDES, Array, Side
-from duobench.real.clock import Clock, SystemClock, Ticker, VirtualClock
+from duobench.real.clock import (
+    Clock,
+    SystemClock,
+    Ticker,
+    VirtualClock,
+)
 from duobench.real.devices import ArmReading, Depth, Device
 from duobench.real.drivers.frames import TickedCamera
 from duobench.real.drivers.robotiq import RobotiqGripper

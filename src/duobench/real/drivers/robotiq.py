@@ -21,7 +21,13 @@ from duobench.core.errors import ActionError, BackendError
 from duobench.core.machine import load_extra
 from duobench.real.clock import Clock, Ticker
 from duobench.real.devices import GripperReading
-from duobench.real.registers import ACTIVATE, ACTIVE, AT_GOAL, GO, MOVING
+from duobench.real.registers import (
+    ACTIVATE,
+    ACTIVE,
+    AT_GOAL,
+    GO,
+    MOVING,
+)
 from duobench.real.rig import SHORTEST_WAY, GripperConfig
 from duobench.results.labels import Fault, FaultKind
 

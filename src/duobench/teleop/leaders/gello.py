@@ -17,7 +17,12 @@ from duobench.core.errors import LeaderError
 from duobench.core.files import read_text, reading
 from duobench.core.machine import load_extra
 from duobench.core.settings import decode
-from duobench.core.types import ARM_JOINTS, SIDES, Array, DuoCommand
+from duobench.core.types import (
+    ARM_JOINTS,
+    SIDES,
+    Array,
+    DuoCommand,
+)
 from duobench.teleop.hands import MAX_AGE_S
 from duobench.world.robot.joints import JOINT_RANGES
 

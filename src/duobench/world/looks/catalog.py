@@ -9,7 +9,13 @@ import numpy as np
 
 from duobench.core.errors import OptionError, UnknownNameError
 from duobench.world.looks.colours import RGB
-from duobench.world.looks.look import STUDIO, CameraOffset, Light, Look, Material
+from duobench.world.looks.look import (
+    STUDIO,
+    CameraOffset,
+    Light,
+    Look,
+    Material,
+)
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.workcell import SHADOW_CENTRE
 

@@ -5,7 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from duobench.core.spatial import SE3
-from duobench.world.objects.shapes import CIRCLE_SEGMENTS, Colour, cylinder, ring_wall
+from duobench.world.objects.shapes import (
+    CIRCLE_SEGMENTS,
+    Colour,
+    cylinder,
+    ring_wall,
+)
 from duobench.world.objects.solid import Image, Solid, mesh_of
 
 if TYPE_CHECKING:

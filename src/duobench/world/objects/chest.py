@@ -19,7 +19,12 @@ from duobench.world.objects.shapes import (
     cylinder,
     prism,
 )
-from duobench.world.objects.solid import Solid, mesh_of, placed, union_of
+from duobench.world.objects.solid import (
+    Solid,
+    mesh_of,
+    placed,
+    union_of,
+)
 
 CAVITY = (0.130, 0.230, 0.060)
 """Depth, width and height of the cavity in metres [task definitions]."""

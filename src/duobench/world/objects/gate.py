@@ -4,7 +4,12 @@ import math
 
 from duobench.core.spatial import SE3
 from duobench.world.objects.blocks import block
-from duobench.world.objects.shapes import JOINT_PLAY, OVERLAP, Shape, box
+from duobench.world.objects.shapes import (
+    JOINT_PLAY,
+    OVERLAP,
+    Shape,
+    box,
+)
 from duobench.world.objects.solid import Piece, Solid
 
 RING_RADIUS = 0.115

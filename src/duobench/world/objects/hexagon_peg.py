@@ -15,7 +15,12 @@ from duobench.world.objects.shapes import (
     circle,
     hull,
 )
-from duobench.world.objects.solid import Solid, manifold_of, mesh_of, placed
+from duobench.world.objects.solid import (
+    Solid,
+    manifold_of,
+    mesh_of,
+    placed,
+)
 
 ACROSS_FLATS = 0.034
 """Distance between opposite faces of the peg in metres [task definitions]."""

@@ -6,7 +6,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from duobench.core.spatial import SE3
-from duobench.world.objects.shapes import OVERLAP, Z_TO_X, Colour, Shape, box, hull
+from duobench.world.objects.shapes import (
+    OVERLAP,
+    Z_TO_X,
+    Colour,
+    Shape,
+    box,
+    hull,
+)
 from duobench.world.objects.solid import Solid, manifold_of, mesh_of
 
 BAR = (0.075, 0.030, 0.025)

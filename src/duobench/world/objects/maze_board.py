@@ -29,7 +29,13 @@ from duobench.world.objects.shapes import (
     prism,
     sphere,
 )
-from duobench.world.objects.solid import Image, Piece, Solid, images_of, mass_properties
+from duobench.world.objects.solid import (
+    Image,
+    Piece,
+    Solid,
+    images_of,
+    mass_properties,
+)
 
 PITCH = 0.040
 """Edge of a cell in metres, from wall to wall [task definitions]."""

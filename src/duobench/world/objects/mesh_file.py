@@ -27,7 +27,13 @@ from duobench.core.errors import (
     TaskError,
     check_known,
 )
-from duobench.core.files import digest_of, encode, held, read, write
+from duobench.core.files import (
+    digest_of,
+    encode,
+    held,
+    read,
+    write,
+)
 from duobench.core.machine import load_extra
 from duobench.core.types import LONGEST, Array
 from duobench.world.objects.blocks import WHITE

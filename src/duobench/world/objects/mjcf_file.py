@@ -23,7 +23,14 @@ from duobench.world.objects.mesh_file import (
     found,
 )
 from duobench.world.objects.prop import Hinge, Part, Prop
-from duobench.world.objects.shapes import Colour, Shape, box, cylinder, hull, sphere
+from duobench.world.objects.shapes import (
+    Colour,
+    Shape,
+    box,
+    cylinder,
+    hull,
+    sphere,
+)
 from duobench.world.objects.solid import (
     PLASTIC_FRICTION,
     Image,

@@ -10,7 +10,13 @@ import math
 
 from duobench.core.spatial import SE3
 from duobench.world.objects.prop import Part, Prop
-from duobench.world.objects.shapes import CIRCLE_SEGMENTS, box, circle, cylinder, prism
+from duobench.world.objects.shapes import (
+    CIRCLE_SEGMENTS,
+    box,
+    circle,
+    cylinder,
+    prism,
+)
 from duobench.world.objects.solid import Solid, mass_properties
 
 RADIUS = 0.110

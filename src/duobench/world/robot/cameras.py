@@ -19,9 +19,19 @@ import numpy as np
 
 from duobench.core.errors import OptionError, RenderingError, check_known
 from duobench.core.spatial import SE3, length
-from duobench.core.types import SIDES, Side, as_several, as_size
+from duobench.core.types import (
+    SIDES,
+    Side,
+    as_several,
+    as_size,
+)
 from duobench.world.robot.gripper import GRIPPER
-from duobench.world.robot.workcell import FLOOR_Z, ROOM_HEIGHT, ROOM_X, ROOM_Y
+from duobench.world.robot.workcell import (
+    FLOOR_Z,
+    ROOM_HEIGHT,
+    ROOM_X,
+    ROOM_Y,
+)
 
 NATIVE_HEIGHT, NATIVE_WIDTH = 720, 1280
 """Native image size of the cameras in pixels."""

@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from duobench.core.spatial import SE3
-from duobench.core.types import ARM_JOINTS, SIDES, Array, Side
+from duobench.core.types import (
+    ARM_JOINTS,
+    SIDES,
+    Array,
+    Side,
+)
 from duobench.world.robot.fr3_links import LINKS
 from duobench.world.robot.gripper import GRIPPER
 

@@ -6,7 +6,13 @@ import numpy as np
 
 from duobench.core.backend import DuoLimits
 from duobench.core.errors import OptionError
-from duobench.core.types import ARM_JOINTS, CONTROL_HZ, FLAT_SIZE, SIDES, Array
+from duobench.core.types import (
+    ARM_JOINTS,
+    CONTROL_HZ,
+    FLAT_SIZE,
+    SIDES,
+    Array,
+)
 from duobench.world.robot.fr3_links import LINKS
 
 JOINT_RANGES = np.array([link.joint.limits for link in LINKS if link.joint is not None])

@@ -14,7 +14,12 @@ from duobench.world.scene.cameras import add_cameras
 from duobench.world.scene.gripper import add_gripper
 from duobench.world.scene.meshes import add_link, add_mesh
 from duobench.world.scene.naming import arm_joint_names, flange_name, tcp_name
-from duobench.world.scene.surfaces import DISTAL, PROXIMAL, collide_unseen, visual_only
+from duobench.world.scene.surfaces import (
+    DISTAL,
+    PROXIMAL,
+    collide_unseen,
+    visual_only,
+)
 
 JOINT_DAMPING = 0.21
 """Viscous damping of every joint in N·m·s/rad [Menagerie franka_fr3]."""

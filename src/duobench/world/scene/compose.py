@@ -24,7 +24,12 @@ from duobench.world.robot.cameras import (
     OVERVIEW_VIEW,
     View,
 )
-from duobench.world.robot.workcell import FLOOR_Z, ROOM_HEIGHT, ROOM_X, ROOM_Y
+from duobench.world.robot.workcell import (
+    FLOOR_Z,
+    ROOM_HEIGHT,
+    ROOM_X,
+    ROOM_Y,
+)
 from duobench.world.scene.arms import add_robot
 from duobench.world.scene.cameras import add_cameras, add_overview_camera
 from duobench.world.scene.meshes import add_visual_mesh

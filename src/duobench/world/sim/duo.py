@@ -7,7 +7,13 @@ import numpy as np
 
 from duobench.core.backend import DuoLimits
 from duobench.core.errors import DuoBenchError, UnknownNameError
-from duobench.core.types import OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
+from duobench.core.types import (
+    OPENING_SLOTS,
+    SIDES,
+    Array,
+    DuoCommand,
+    DuoState,
+)
 from duobench.world.robot.gripper import GRIPPER
 from duobench.world.robot.joints import HOME_JOINTS, SERVO_LAG, duo_limits
 from duobench.world.scene.compose import SUBSTEPS

@@ -13,7 +13,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.backend import DEPTH, RGB, SEGMENTATION, Image
+from duobench.core.backend import (
+    DEPTH,
+    RGB,
+    SEGMENTATION,
+    Image,
+)
 from duobench.core.errors import RenderingError
 from duobench.core.spatial import SE3
 from duobench.core.types import Array

@@ -14,7 +14,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.core.backend import KINDS, RGB, Image, Wanted
+from duobench.core.backend import (
+    KINDS,
+    RGB,
+    Image,
+    Wanted,
+)
 from duobench.core.errors import RenderingError, check_known
 from duobench.core.spatial import SE3
 from duobench.world.looks.look import CLASSIC, STUDIO, Look
