@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from concurrent.futures import Future, wait
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from duobench.core.errors import PolicyError
+from duobench.core.errors import ActionError, PolicyError, PolicyFailedError, escaped
 from duobench.core.randomness import policy_seed
 from duobench.core.types import Array, DuoState
 from duobench.data import Actor, Recorder
@@ -70,18 +71,25 @@ class PolicyLeader:
 
     def begin(self, info: Mapping[str, Any]) -> None:
         """Begin the episode that a reset has given its info."""
+        self._begun = None
         self.forget()
         seed = policy_seed(
             base_of(self._env).task, info.get("seed") or 0, info["split"]
         )
-        self._begun = self._asked.begin_reset(info["instruction"], seed)
+        self._reset = partial(self._asked.begin_reset, info["instruction"], seed)
+        self._begun = self._reset()
 
     def forget(self) -> None:
-        """Throw away what it has answered, or is about to: it is asked anew."""
+        """Throw away what it has answered, or is about to: it is asked anew.
+
+        An episode that it could not begin, it begins anew.
+        """
         self._chunk = []
         if self._answer is not None:
             self._answer.cancel()
             self._answer = None
+        if self._begun is not None and self._begun.done() and self._begun.exception():
+            self._begun = self._reset()
 
     def next_action(self) -> Array | None:
         """The next action; None while the policy thinks.
@@ -108,16 +116,37 @@ class PolicyLeader:
         self._answer = self._asked.begin_act(observation)
         return self._answer
 
+    def _check(self, action: Array) -> None:
+        """Reject what is no action of the mode, such as a quaternion of zeros."""
+        try:
+            self._env.get_wrapper_attr("check_action")(action)
+        except ActionError as error:
+            raise PolicyError(str(error)) from error
+
     def _take(self, answer: Future[Any]) -> None:
         """Take over an answer; the reset before it has ended as well."""
         if self._begun is not None:
-            self._begun.result()
+            _result(self._begun)
             self._begun = None
         (size,) = self._env.action_space.shape or (0,)
-        self._chunk = list(as_chunk(answer.result(), size)[:PAPER_EXECUTE])
+        chunk = as_chunk(_result(answer), size)[:PAPER_EXECUTE]
+        for action in chunk:
+            self._check(action)
+        self._chunk = list(chunk)
         wanted = getattr(self._asked, "intended_action", None)
         if wanted is not None:
             self._intend(wanted)
+
+
+def _result(answer: Future[Any]) -> Any:
+    """What a policy has answered; a `PolicyError` whatever it, or its server, has raised."""
+    error = answer.exception()
+    if error is None:
+        return answer.result()
+    if isinstance(error, PolicyError):
+        raise error
+    words = f"{type(error).__name__}: {error}"
+    raise PolicyFailedError(escaped(words)) from error
 
 
 class SharedControl:
