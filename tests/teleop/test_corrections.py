@@ -26,7 +26,7 @@ from duobench.envs.action_modes import ACTION_MODES
 from duobench.teleop.hands import HandDevice, TriggeredGripper
 from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
-from duobench.teleop.messages import Alone, Why
+from duobench.teleop.messages import Alone, Discard, Why
 from duobench.teleop.policy_leader import LOST, PolicyLeader
 from duobench.teleop.teleoperation import Teleoperation, make_recorder
 from tests.teleop.leaders.test_device import Leaders
@@ -193,6 +193,12 @@ def test_a_policy_that_fails_is_paused_and_may_go_on(room: Room, error: Exceptio
     room.tell(Alone())
     assert room.send(0.0)
     assert room.session.leading.is_policy
+    assert room.toy.begun == 2, "a server that was started again has to begin"
+    room.toy.fails = error
+    room.send(0.0, turns=8)
+    room.tell(Discard())
+    room.send(0.0)
+    assert not room.session.leading.is_paused, "of another episode"
 
 
 def test_a_policy_that_fails_at_once_says_so_and_begins_anew(enter: Any) -> None:

@@ -22,10 +22,12 @@ class Toy:
         self.shown: list[Any] = []
         self.fails: Exception | None = None
         self.fails_to_begin = False
+        self.begun = 0
         self.hold: Any = None
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
         self.shown.clear()
+        self.begun += 1
         if self.fails_to_begin:
             raise ValueError("not yet")
 

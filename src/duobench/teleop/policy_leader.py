@@ -9,7 +9,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from duobench.core.errors import ActionError, PolicyError, PolicyFailedError, escaped
+from duobench.core.errors import (
+    ActionError,
+    DuoBenchError,
+    PolicyError,
+    PolicyFailedError,
+    escaped,
+)
 from duobench.core.randomness import policy_seed
 from duobench.core.types import Array, DuoState
 from duobench.data import Actor, Recorder
@@ -26,6 +32,8 @@ QUICK_S = 0.02
 """Seconds for which a turn waits for an answer; then the page goes on, and the world waits."""
 REASONS = ("dropped", "stuck", "wrong object", "other")
 """Reasons of a take-over, in the order in which a key goes through them."""
+LEADS = "The policy leads: squeeze a clutch to take over."
+PAUSED = "The policy is paused."
 LOST = "A hand that led was lost: the policy is paused."
 NO_ARMS = (False, False)
 """Arms that a hand leads while the policy does."""
@@ -65,14 +73,15 @@ class PolicyLeader:
         self._intend = optional_method(env, "intend")
         self._observe = env.get_wrapper_attr("observe")
         self._begun: Future[Any] | None = None
+        self._has_failed = False
         self._answer: Future[Any] | None = None
         self._chunk: list[Array] = []
         self._render(False)
 
     def begin(self, info: Mapping[str, Any]) -> None:
         """Begin the episode that a reset has given its info."""
-        self._begun = None
         self.forget()
+        self._has_failed = False
         seed = policy_seed(
             base_of(self._env).task, info.get("seed") or 0, info["split"]
         )
@@ -80,29 +89,29 @@ class PolicyLeader:
         self._begun = self._reset()
 
     def forget(self) -> None:
-        """Throw away what it has answered, or is about to: it is asked anew.
-
-        An episode that it could not begin, it begins anew.
-        """
+        """Throw away what it has answered, or is about to: it is asked anew."""
         self._chunk = []
         if self._answer is not None:
             self._answer.cancel()
             self._answer = None
-        if self._begun is not None and self._begun.done() and self._begun.exception():
-            self._begun = self._reset()
 
     def next_action(self) -> Array | None:
         """The next action; None while the policy thinks.
 
         Raises:
-            PolicyError: The policy failed. It may be asked again.
+            PolicyError: The policy failed. It may be asked again, and begins anew then, as
+                a server must that was started again.
         """
         if not self._chunk:
             answer = self._answer or self._ask()
             if not wait([answer], None if self._waits else QUICK_S).done:
                 return None
             self._answer = None
-            self._take(answer)
+            try:
+                self._take(answer)
+            except PolicyError:
+                self._has_failed = True
+                raise
         return self._chunk.pop(0)
 
     def close(self) -> None:
@@ -110,6 +119,8 @@ class PolicyLeader:
         self._asked.close()
 
     def _ask(self) -> Future[Any]:
+        if self._has_failed:
+            self._begun, self._has_failed = self._reset(), False
         self._render(True)
         observation = self._observe()
         self._render(False)
@@ -145,7 +156,8 @@ def _result(answer: Future[Any]) -> Any:
         return answer.result()
     if isinstance(error, PolicyError):
         raise error
-    words = f"{type(error).__name__}: {error}"
+    is_ours = isinstance(error, DuoBenchError)
+    words = str(error) if is_ours else f"{type(error).__name__}: {error}"
     raise PolicyFailedError(escaped(words)) from error
 
 
@@ -192,6 +204,7 @@ class SharedControl:
         """Begin an episode; the policy leads first."""
         self._has_taken_over = False
         self.is_policy = self._policy is not None
+        self.is_paused = False
         if self._policy is not None:
             self._policy.begin(info)
 
@@ -199,7 +212,7 @@ class SharedControl:
         """The operator begins the episode: the squeeze that does is no take-over."""
         if self._policy is not None:
             self._device.let_go()
-            self.note = "The policy leads: squeeze a clutch to take over."
+            self.note = PAUSED if self.is_paused else LEADS
 
     def next(
         self,
@@ -238,9 +251,7 @@ class SharedControl:
             self.is_paused = not self.is_paused
             self.is_policy |= not (self.is_paused or any(self._device.clutch))
             self._policy.forget()
-            self.note = (
-                "The policy is paused." if self.is_paused else "The policy goes on."
-            )
+            self.note = PAUSED if self.is_paused else "The policy goes on."
         else:
             self._explain(message.text.strip())
         return True
