@@ -4,11 +4,14 @@ Part of `make docs`. A place for a table is `<!-- NAME: written by make docs -->
 `<!-- end of NAME -->`, one for a number `<!-- number:NAME -->12<!-- / -->` (constants.py).
 """
 
+import ast
+import inspect
 import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +23,7 @@ from duobench.envs import action_labels, spaces
 from duobench.envs.action_modes import ACTION_MODES
 from duobench.policy.serving.vla_eval import MODES
 from duobench.results.entrants import PAPER, published
+from duobench.results.records import Record
 from duobench.results.suite import SUITES
 from duobench.tasks import catalog
 from duobench.tasks.shifts import levels
@@ -128,6 +132,35 @@ def _symmetry(prop: Prop) -> str:
         ", ".join(f"{words} about {' '.join(axes)}" for words, axes in found.items())
         or "none"
     )
+
+
+def fields_of(cls: type) -> Callable[[], str]:
+    """The fields of a data class, by the docstring under each."""
+    (definition,) = ast.parse(inspect.getsource(cls)).body
+    assert isinstance(definition, ast.ClassDef)
+    rows = [
+        (f"`{ast.unparse(field.target)}`", _cell(below))
+        for field, below in pairwise(definition.body)
+        if isinstance(field, ast.AnnAssign)
+        and isinstance(below, ast.Expr)
+        and isinstance(below.value, ast.Constant)
+    ]
+    return lambda: table(("field", "meaning"), rows)
+
+
+def _cell(docstring: ast.Expr) -> str:
+    """What a docstring says, as a cell of a table."""
+    return " ".join(ast.literal_eval(docstring.value).split())
+
+
+def every_task() -> str:
+    """Headings and images of all tasks, each in all looks."""
+    found = map(catalog.get, catalog.names())
+    parts = [
+        f"### {task.title}\n\n![{task.title} in all looks](looks/{task.id}.jpg)\n"
+        for task in found
+    ]
+    return "\n".join(parts)
 
 
 def names(of: tuple[str, ...]) -> Callable[[], str]:
@@ -396,7 +429,12 @@ TABLES: Mapping[str, Places] = {
         "POSE_LABELS": names(action_labels.POSE_LABELS),
         "SHIFT_LABELS": names(action_labels.SHIFT_LABELS),
     },
-    "evaluation": {"suites": suites, "failures": owners},
+    "looks": {"every task": every_task},
+    "evaluation": {
+        "suites": suites,
+        "failures": owners,
+        "record": fields_of(Record),
+    },
     "baselines": {
         "learned from 50": learned("50"),
         "learned from 200": learned("200"),

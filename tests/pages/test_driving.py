@@ -333,6 +333,7 @@ def test_messages_say_what_led(page: Operated, canvas: tuple[float, float]) -> N
         start = len(page.hands())
         page.page.keyboard.press(key)
         assert led_by(page, start) == {"mouse"}
+        page.wait(lambda: page.hands()[-1]["right"]["squeeze"] == 0)  # a tap is led to its end
     for act in ("pad.axes = [0, -1, 0, 0]", "pad.axes = [0, 0, 0, 0]; push(7, 0.4)", "push(7, 0)"):
         start = len(page.hands())
         page.page.evaluate(act)

@@ -23,7 +23,7 @@ from duobench.teleop.messages import (
     Restore,
 )
 from duobench.teleop.panel import LEAD, SOLVED, Button, Panel
-from duobench.teleop.teleoperation import AWAY
+from duobench.teleop.teleoperation import AWAY, TITLES
 from duobench.web import access
 from duobench.web.geometry import Geometry
 from duobench.web.messages import PageMessage, pack_frame
@@ -160,9 +160,9 @@ def test_people_choose_seek_and_play(page: Page, shown: Shown) -> None:
     wait_for(page, shown, SetPlaying(on=True))
 
 
-def panel(*buttons: Button) -> dict[str, Any]:
-    """The panel of a session that waits to be decided."""
-    made = Panel(steps=(LEAD, SOLVED), now=1, title="Keep or discard?", buttons=buttons)
+def panel(*buttons: Button, title: str = TITLES["decide"], todo: str = "") -> dict[str, Any]:
+    """The panel of a session."""
+    made = Panel(steps=(LEAD, SOLVED), now=1, title=title, todo=todo, buttons=buttons)
     return made.to_json()
 
 
@@ -261,7 +261,9 @@ def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
 def test_a_recording_that_waits_says_so_and_may_be_discarded(page: Page, shown: Shown) -> None:
     shown.server.publish_status(DRIVEN)
     page.get_by_role("button", name="Drive").click()
-    shown.server.publish_status(DRIVEN | {"state": "paused", "note": AWAY})
+    discard = Button(id="discard", words="Discard", message=Discard())
+    away = panel(discard, title=TITLES["paused"], todo=AWAY)
+    shown.server.publish_status(DRIVEN | {"state": "paused", "panel": away})
     page.get_by_text("Paused", exact=True).wait_for()
     page.get_by_text(AWAY).wait_for()
     assert broken_rules(page) == []
@@ -293,7 +295,8 @@ def test_what_was_discarded_is_restored_by_a_button(page: Page, shown: Shown) ->
     button = page.get_by_role("button", name="Restore the last discarded")
     until(page, "document.querySelector('.role').textContent == 'You drive'")
     assert button.is_hidden()
-    shown.server.publish_status(DRIVEN | {"discarded": 2})
+    restore = Button(id="restore", words="Restore the last discarded", message=Restore())
+    shown.server.publish_status(DRIVEN | {"discarded": 2, "panel": panel(restore)})
     button.click()
     wait_for(page, shown, Restore())
     assert "Discarded2" in str(page.locator(".facts").text_content())

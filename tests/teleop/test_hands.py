@@ -113,6 +113,15 @@ def test_a_clutch_closes_on_a_squeeze_after_a_release(
             tool = found
 
 
+def test_what_a_hand_does_between_two_control_steps_is_led() -> None:
+    clutch = Clutch()
+    for pose, squeeze in ((HELD, 0.0), (HELD, 1.0), (HELD.moved(0.0, 0.0, 0.005), 1.0)):
+        clutch.notice(sample(pose, squeeze))
+    led = clutch.follow(sample(HELD.moved(0.0, 0.0, 0.005), 1.0), TOOL)
+    assert led is not None
+    assert max(led.distance(TOOL.moved(0.0, 0.0, 0.005))) < 1e-9
+
+
 def test_what_arrives_in_time_is_fresh_whatever_the_clocks_show() -> None:
     freshness, rng = Freshness(), np.random.default_rng(0)
     arrival = 0.0

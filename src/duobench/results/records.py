@@ -188,37 +188,44 @@ class Record:
 
     CHECKED_FROM: ClassVar[int] = RECORD_SCHEMA
     run: str
-    """SHA-256 of the description of the run that it belongs to, see `Run.hash`."""
+    """SHA-256 of what decides in `run.json`: all but episodes and shifts."""
     suite_version: str
-    """Version of the benchmark's episodes that the seed belongs to."""
+    """Version of the suite that the seed belongs to."""
     suite: str
-    """Name and version of the suite, see `Suite.label`."""
+    """Name and version of the suite; "custom" without a name."""
     execution: ChunkExecution
+    """Actions `execute`d of a chunk at most, None for all, and `latency` in control steps, a
+    shift's included."""
     task: str
+    """Id of the task."""
     episode: int
-    """Index in the suite."""
+    """Index of the episode in the suite."""
     seed: int
-    """Seed of the reset; a pure function of (task, suite version, episode)."""
+    """Seed of the reset; a pure function of task, suite version and episode."""
     policy_seed: int
     """Seed of the policy, a hash of that of the reset."""
     attempt: int = 1
-    """The how-manyeth it was, over all commands."""
+    """Number of the attempt, over all commands."""
     earlier: tuple[str, ...] = ()
-    """End of each earlier attempt, one of `duobench.results.attempts.ENDS`."""
+    """End of each earlier attempt."""
     first_answer: FirstAnswer | None = None
-    """First chunk of the policy in the command that played it; None if it was not computed."""
+    """Hashes of the first question and answer of the command; None if they were not computed."""
     policy: str
+    """Name of the policy, as given."""
     policy_version: str | None
     """Version of the policy; None if unknown."""
     config: EnvConfig
+    """Configuration of the environment."""
     instruction: str
     """Instruction that the policy got; empty if it failed before its reset."""
     success: bool
+    """Whether the last stage was reached, without an error."""
     success_at_end: bool
     """Whether the constraints of the last stage still held after the last step."""
     final_stage: int
     """Highest stage that was reached, 0 for none."""
     max_stage: int
+    """Number of the last stage."""
     unmet: tuple[str, ...] | None
     """Why the next stage was not reached: what of its constraints did not hold after the last step,
     in words; empty after a success, None if the last step failed, or there is none, and where a
@@ -226,34 +233,46 @@ class Record:
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage): after how many steps each newly reached stage was reached."""
     steps: int
+    """Control steps that were executed."""
     horizon: int
     """Control steps after which the task truncates an episode."""
     terminated: bool
+    """Whether the last stage ended the episode."""
     truncated: bool
     """Whether the horizon ended the episode, or arms that could not go on."""
     error: str | None
+    """Traceback that the episode failed with; None without an error."""
     layout: SampledLayout
+    """Start poses and variants."""
     state_hash: str | None
     """SHA-256 of the whole state after the last step, with what relative actions add up to; None
     after an error."""
     start: StateHashes | None
-    """The state after the reset; None before it, and where there is no simulation."""
+    """Hashes of the state after the reset: `physics`, and `stages` with their memory; None before
+    it, and where there is no simulation."""
     end: StateHashes | None
-    """The state after the last step; None as `start` is, and after an error."""
+    """The same after the last step; None as `start` is, and after an error."""
     sent: bytes | None
-    """Joint targets, one command a step, see `targets`; None where a policy took too long."""
+    """Joint targets that were sent, as below; None if the policy was stopped."""
     clipped: int | None
     """Control steps at which limits of the arms changed what was to be sent; None as `sent` is."""
     excess: Excess | None
-    """Excess of requested targets over the limits; None without excess, and where `sent` is."""
+    """Excess of requested targets over the limits: `joint` and `opening` furthest out, each with
+    the end of its range; the largest `change`; `first`, how far the first target was from the arms,
+    and from the arms exchanged; `speed`, the fastest joint's as a part of its limit. None without
+    excess, and where `sent` is."""
     versions: dict[str, str | None]
-    """Versions of everything that the result may depend on."""
+    """Versions of packages and of Python; platform, processor and renderer."""
     software: Software = Software()
+    """Hashes of the source that decides, and of the whole package."""
     domain: str = SIM
+    """Domain in which it was played: sim or real."""
     rig: str | None = None
     """SHA-256 of the file of the rig on which it was played; None in simulation."""
     judged: Judged | None = None
-    """Operator's judgement; None in simulation."""
+    """Operator's judgement: rater; presses, with `late` for one long after the end; note; earlier
+    invalid trials (`reason`, `stage`, `fault`, `is_chosen`); why arms stopped, and the kind of
+    `fault`; `waits` for a late image. None in simulation."""
 
     def __post_init__(self) -> None:
         when = [step for step, _ in self.stage_changes]

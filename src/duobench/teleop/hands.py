@@ -86,6 +86,7 @@ class Clutch:
 
     def __init__(self) -> None:
         self._is_armed = False
+        self._squeezed: SE3 | None = None  # the hand, where it was squeezed
         self._anchor: tuple[SE3, SE3] | None = None
         self.was_lost = False
         """Whether it opened by itself when it was closed last, and not by a release."""
@@ -98,12 +99,16 @@ class Clutch:
     def open(self) -> None:
         """Let go; it takes a release and a new squeeze to close again."""
         self.was_lost |= self.is_closed
-        self._is_armed, self._anchor = False, None
+        self._is_armed, self._squeezed, self._anchor = False, None, None
 
     def notice(self, hand: Hand | None) -> None:
-        """Notice a release, also one between two control steps."""
-        if hand is not None and hand.sure and hand.squeeze < OPENS:
-            self._is_armed = True
+        """Notice a release or a squeeze, also one between two control steps."""
+        if hand is None or not hand.sure:
+            return
+        if hand.squeeze < OPENS:
+            self._is_armed, self._squeezed = True, None
+        elif self._is_armed and self._squeezed is None and hand.squeeze >= CLOSES:
+            self._squeezed = hand.world_from_hand
 
     def wants(self, hand: Hand | None) -> bool:
         """Whether a hand, None if lost, keeps the clutch closed or would close it.
@@ -126,7 +131,7 @@ class Clutch:
             return None
         now = hand.world_from_hand
         if self._anchor is None:
-            self._anchor, self.was_lost = (now, tool), False
+            self._anchor, self.was_lost = (self._squeezed or now, tool), False
         hand_then, tool_then = self._anchor
         shift = now.translation - hand_then.translation
         turn = product(now.rotation, hand_then.rotation.T)
@@ -217,6 +222,7 @@ class LedArm:
         self._rest = None
         if not was_closed:
             self._shaper.reset()
+            self._shaper(commanded, measured)  # what the hand did since is no jump
         shaped = self._shaper(wanted, measured)
         return shaped.pose, shaped.is_limited
 

@@ -207,11 +207,12 @@ class TeleopPage:
         return self._env.simulation.data
 
     def _show_plan(self, status: Mapping[str, Any]) -> None:
-        """List the tasks and their progress, again where that may have changed."""
+        """List tasks, where there are several, and their progress where that may have changed."""
         moment = (*self._episode, status["state"])
         if self._plan is not None and moment != self._planned:
             self._planned = moment
-            self._server.publish_items(self._plan.items())
+            items = self._plan.items()
+            self._server.publish_items(items if len(items) > 1 else [])
 
     def _tell(self, status: dict[str, Any]) -> None:
         self._turn += 1

@@ -7,10 +7,11 @@ const LEAST_DEPTH = 0.1; // metres, of a tool right before the camera or behind 
 const RADIANS_A_PIXEL = 0.005;
 const WHEEL = 0.0002; // metres a pixel of the wheel: 2 cm a notch
 const WHEEL_TURN = 0.0005; // radians a pixel of the wheel: 0.05 a notch
-const WHEEL_MS = 250; // how long a turn of the wheel keeps the hand squeezed
+const WHEEL_MS = 450; // how long a turn of the wheel keeps the hand squeezed
 const STEP = { move: 0.005, turn: 0.05 }; // a tap of a key, in m and rad
 const SPEED = { move: 0.15, turn: 0.8 }; // a key held down, in m/s and rad/s
 const TAP_MS = 300; // what is pressed for longer is held
+const FOLLOW_MS = 450; // how long the hand stays squeezed, so that the tool goes all of a tap's way
 const FINE = 0.25; // of all this, while its key is held
 const OPENING = 0.25; // of a gripper, a step
 const NEXT = { right: "left", left: "both", both: "right" };
@@ -147,7 +148,9 @@ export class Mouse {
     const key = nameOf(event);
     const [act, value] = this.keys.get(key) ?? [];
     if (act === "fine") this.#share = 1;
-    if (this.#keys.delete(key)) this.#hands.hand.release(key);
+    const pressed = this.#keys.get(key);
+    const { hand } = this.#hands;
+    if (this.#keys.delete(key) && hand.isHeldBy(key)) hand.hold(key, pressed + FOLLOW_MS);
     const since = this.#grippers.get(key);
     this.#grippers.delete(key);
     if (since !== undefined && performance.now() - since > TAP_MS) this.#toggle(value);
