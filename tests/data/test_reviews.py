@@ -139,6 +139,13 @@ def copied(data: DataSet, folder: Path) -> DataSet:
     return DataSet.open(folder)
 
 
+def test_what_leaves_nothing_to_export_is_said(data: DataSet, tmp_path: Path) -> None:
+    data.reviews.add(data.episodes()[0], rows=(0, 5))
+    told = "In 3 every row is left out: trimmed and uncorrected, uncorrected"
+    with pytest.raises(DataError, match=told):
+        export(data, tmp_path / "out", only_corrections=True)
+
+
 def test_joining_copies_changes_no_judgement(data: DataSet, tmp_path: Path) -> None:
     first, second, third = data.episodes()
     copy = copied(data, tmp_path / "copy")

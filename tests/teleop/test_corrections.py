@@ -18,7 +18,7 @@ from dev.benchmarks.corrections import (
     measure,
     record,
 )
-from duobench.core.errors import LeaderError
+from duobench.core.errors import LeaderError, MachineryError, PolicyError
 from duobench.core.types import CONTROL_HZ, DuoCommand
 from duobench.data import Actor, ActorKind, DataSet, Recording, find_problems, transitions
 from duobench.data.used_rows import RowChoice, used_rows
@@ -26,7 +26,7 @@ from duobench.envs.action_modes import ACTION_MODES
 from duobench.teleop.hands import HandDevice, TriggeredGripper
 from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
-from duobench.teleop.messages import Alone, Why
+from duobench.teleop.messages import Alone, Discard, Why
 from duobench.teleop.policy_leader import LOST, PolicyLeader
 from duobench.teleop.teleoperation import Teleoperation, make_recorder
 from tests.teleop.leaders.test_device import Leaders
@@ -178,16 +178,43 @@ def test_a_hand_that_is_lost_gives_nothing_back(room: Room, seconds: float) -> N
     assert not room.session.leading.is_policy
 
 
-def test_a_policy_that_fails_is_paused_and_may_go_on(room: Room) -> None:
-    room.toy.fails = True
+@pytest.mark.parametrize(
+    "error",
+    [PolicyError("out of ideas"), ValueError("out of ideas"), MachineryError("out of ideas")],
+    ids=type,
+)
+def test_a_policy_that_fails_is_paused_and_may_go_on(room: Room, error: Exception) -> None:
+    room.toy.fails = error
     room.send(0.0, turns=8)
     assert "out of ideas" in room.session.status()["note"]
     assert room.send(1.0)
     room.send(0.0)
-    room.toy.fails = False
+    room.toy.fails = None
     room.tell(Alone())
     assert room.send(0.0)
     assert room.session.leading.is_policy
+    assert room.toy.begun == 2, "a server that was started again has to begin"
+    room.toy.fails = error
+    room.send(0.0, turns=8)
+    room.tell(Discard())
+    room.send(0.0)
+    assert not room.session.leading.is_paused, "of another episode"
+
+
+def test_a_policy_that_fails_at_once_says_so_and_begins_anew(enter: Any) -> None:
+    toy = Toy("cartesian")
+    toy.fails_to_begin = True
+    room = enter(toy)
+    assert "paused: ValueError: not yet" in room.session.status()["note"]
+    toy.fails_to_begin = False
+    hold, toy.hold = toy.hold, lambda: np.zeros(16)
+    room.tell(Alone())
+    assert not room.send(0.0)
+    assert "no orientation" in room.session.status()["note"]
+    toy.hold = hold
+    room.tell(Alone())
+    assert room.send(0.0)
+    assert room.close().is_led_by_policy.all()
 
 
 def test_cameras_are_rendered_when_the_policy_is_asked(enter: Any) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from duobench.core.errors import PolicyError
 from duobench.data import Actor, ActorKind
 from duobench.policy import PolicyMetadata
 
@@ -21,16 +20,21 @@ class Toy:
         self.metadata = PolicyMetadata(name="toy", action_mode=mode, **{"cameras": (), **seen})
         self.gate: threading.Semaphore | None = None
         self.shown: list[Any] = []
-        self.fails = False
+        self.fails: Exception | None = None
+        self.fails_to_begin = False
+        self.begun = 0
         self.hold: Any = None
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
         self.shown.clear()
+        self.begun += 1
+        if self.fails_to_begin:
+            raise ValueError("not yet")
 
     def act(self, observation: Any) -> Any:
         self.shown.append(observation)
         if self.gate is not None:
             self.gate.acquire()
-        if self.fails:
-            raise PolicyError("out of ideas")
+        if self.fails is not None:
+            raise self.fails
         return np.tile(self.hold(), (4, 1))

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 FORM = "TASKS x LAYOUTS or TASKS x LAYOUTS x TIMES, such as 11x50 or bin_sort,carry_pot x 20 x 2"
 """Form of a plan."""
+MOST_EPISODES = 10_000
+"""Largest number of layouts, and of times that one is led: years of a person's work."""
+_LONGEST = 1000
+"""Characters of a plan."""
 ELSEWHERE = "led in another session"
 """Word about a task that another process has locked."""
 UNNAMED = "unnamed"
@@ -45,9 +49,16 @@ class Plan:
     """Number of kept episodes of each layout."""
 
     def __post_init__(self) -> None:
+        if not self.tasks:
+            raise OptionError(f"A plan names at least one task; it is {FORM}.")
         if self.layouts < 1 or self.times < 1:
             raise OptionError(
                 f"A session records at least one episode, got {self.layouts} x {self.times}."
+            )
+        if max(self.layouts, self.times) > MOST_EPISODES:
+            raise OptionError(
+                f"A plan has at most {MOST_EPISODES:,} layouts, each as often at most; got "
+                f"{self.layouts} x {self.times}."
             )
         for task in self.ids:
             if self.ids.count(task) > 1:
@@ -66,6 +77,8 @@ class Plan:
             OptionError: The text is no plan.
             UnknownNameError, ImportPathError: A task does not exist.
         """
+        if len(text) > _LONGEST:
+            raise OptionError(f"A plan is {FORM}; got {len(text)} characters.")
         first, *parts = "".join(text.split()).split(_SIGN)
         numbers: list[int] = []
         while parts and len(numbers) < 2 and parts[-1].isdecimal():  # noqa: PLR2004

@@ -3,12 +3,19 @@
 from collections.abc import Mapping
 from concurrent.futures import Future, wait
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from duobench.core.errors import PolicyError
+from duobench.core.errors import (
+    ActionError,
+    DuoBenchError,
+    PolicyError,
+    PolicyFailedError,
+    escaped,
+)
 from duobench.core.randomness import policy_seed
 from duobench.core.types import Array, DuoState
 from duobench.data import Actor, Recorder
@@ -25,6 +32,8 @@ QUICK_S = 0.02
 """Seconds for which a turn waits for an answer; then the page goes on, and the world waits."""
 REASONS = ("dropped", "stuck", "wrong object", "other")
 """Reasons of a take-over, in the order in which a key goes through them."""
+LEADS = "The policy leads: squeeze a clutch to take over."
+PAUSED = "The policy is paused."
 LOST = "A hand that led was lost: the policy is paused."
 NO_ARMS = (False, False)
 """Arms that a hand leads while the policy does."""
@@ -64,6 +73,7 @@ class PolicyLeader:
         self._intend = optional_method(env, "intend")
         self._observe = env.get_wrapper_attr("observe")
         self._begun: Future[Any] | None = None
+        self._has_failed = False
         self._answer: Future[Any] | None = None
         self._chunk: list[Array] = []
         self._render(False)
@@ -71,10 +81,12 @@ class PolicyLeader:
     def begin(self, info: Mapping[str, Any]) -> None:
         """Begin the episode that a reset has given its info."""
         self.forget()
+        self._has_failed = False
         seed = policy_seed(
             base_of(self._env).task, info.get("seed") or 0, info["split"]
         )
-        self._begun = self._asked.begin_reset(info["instruction"], seed)
+        self._reset = partial(self._asked.begin_reset, info["instruction"], seed)
+        self._begun = self._reset()
 
     def forget(self) -> None:
         """Throw away what it has answered, or is about to: it is asked anew."""
@@ -87,14 +99,19 @@ class PolicyLeader:
         """The next action; None while the policy thinks.
 
         Raises:
-            PolicyError: The policy failed. It may be asked again.
+            PolicyError: The policy failed. It may be asked again, and begins anew then, as
+                a server must that was started again.
         """
         if not self._chunk:
             answer = self._answer or self._ask()
             if not wait([answer], None if self._waits else QUICK_S).done:
                 return None
             self._answer = None
-            self._take(answer)
+            try:
+                self._take(answer)
+            except PolicyError:
+                self._has_failed = True
+                raise
         return self._chunk.pop(0)
 
     def close(self) -> None:
@@ -103,22 +120,46 @@ class PolicyLeader:
 
     def _ask(self) -> Future[Any]:
         """Render what the policy sees, and ask it."""
+        if self._has_failed:
+            self._begun, self._has_failed = self._reset(), False
         self._render(True)
         observation = self._observe()
         self._render(False)
         self._answer = self._asked.begin_act(observation)
         return self._answer
 
+    def _check(self, action: Array) -> None:
+        """Reject what is no action of the mode, such as a quaternion of zeros."""
+        try:
+            self._env.get_wrapper_attr("check_action")(action)
+        except ActionError as error:
+            raise PolicyError(str(error)) from error
+
     def _take(self, answer: Future[Any]) -> None:
         """Take over an answer; the reset before it has ended as well."""
         if self._begun is not None:
-            self._begun.result()
+            _result(self._begun)
             self._begun = None
         (size,) = self._env.action_space.shape or (0,)
-        self._chunk = list(as_chunk(answer.result(), size)[:PAPER_EXECUTE])
+        chunk = as_chunk(_result(answer), size)[:PAPER_EXECUTE]
+        for action in chunk:
+            self._check(action)
+        self._chunk = list(chunk)
         wanted = getattr(self._asked, "intended_action", None)
         if wanted is not None:
             self._intend(wanted)
+
+
+def _result(answer: Future[Any]) -> Any:
+    """What a policy has answered; a `PolicyError` whatever it, or its server, has raised."""
+    error = answer.exception()
+    if error is None:
+        return answer.result()
+    if isinstance(error, PolicyError):
+        raise error
+    is_ours = isinstance(error, DuoBenchError)
+    words = str(error) if is_ours else f"{type(error).__name__}: {error}"
+    raise PolicyFailedError(escaped(words)) from error
 
 
 class SharedControl:
@@ -164,6 +205,7 @@ class SharedControl:
         """Begin an episode; the policy leads first."""
         self._has_taken_over = False
         self.is_policy = self._policy is not None
+        self.is_paused = False
         if self._policy is not None:
             self._policy.begin(info)
 
@@ -171,7 +213,7 @@ class SharedControl:
         """The operator begins the episode: the squeeze that does is no take-over."""
         if self._policy is not None:
             self._device.let_go()
-            self.note = "The policy leads: squeeze a clutch to take over."
+            self.note = PAUSED if self.is_paused else LEADS
 
     def next(
         self,
@@ -210,9 +252,7 @@ class SharedControl:
             self.is_paused = not self.is_paused
             self.is_policy |= not (self.is_paused or any(self._device.clutch))
             self._policy.forget()
-            self.note = (
-                "The policy is paused." if self.is_paused else "The policy goes on."
-            )
+            self.note = PAUSED if self.is_paused else "The policy goes on."
         else:
             self._explain(message.text.strip())
         return True

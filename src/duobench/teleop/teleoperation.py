@@ -60,7 +60,7 @@ from duobench.teleop.panel import (
     Button,
     Panel,
 )
-from duobench.teleop.plan import TaskProgress
+from duobench.teleop.plan import MOST_EPISODES, TaskProgress
 from duobench.teleop.policy_leader import PolicyLeader, SharedControl
 from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.web.messages import SelectItem
@@ -179,9 +179,9 @@ class Teleoperation:
         lockstep: bool = False,
         policy: PolicyLeader | None = None,
     ) -> None:
-        if episodes < 1:
+        if not 1 <= episodes <= MOST_EPISODES:
             raise OptionError(
-                f"A session records at least one episode, got {episodes}."
+                f"A session records 1 to {MOST_EPISODES:,} episodes, got {episodes}."
             )
         mode = env.get_wrapper_attr("action_mode")
         if policy is None and mode != device.action_mode:
@@ -508,12 +508,13 @@ class Teleoperation:
     def _intent(self, now_s: float) -> Intent | None:
         """The next action; None while a policy thinks, is paused, or has failed."""
         intent = None
+        failure = ""
         try:
             intent = self.leading.next(now_s, self._seen)
         except PolicyError as error:
-            self.note = f"The policy failed, and is paused: {error}"
-        if self.leading.note:
-            self.note, self.leading.note = self.leading.note, ""
+            failure = f"The policy failed, and is paused: {error}"
+        self.note = failure or self.leading.note or self.note
+        self.leading.note = ""
         return intent
 
     def _stand(self) -> bool:

@@ -225,6 +225,7 @@ def _plan(
     tasks = set()
     digests = set[str]()
     failures = 0
+    emptied: list[str] = []
     judgements = _judgements(sources, paths)
     for number, path in paths:
         recording, digest = _read(path, options), digest_of(path)
@@ -243,7 +244,10 @@ def _plan(
                 task,
                 within=judgement.rows,
             )
-            for rows in used.stretches():
+            stretches = used.stretches()
+            if not stretches:
+                emptied.append(" and ".join(used.left_out))
+            for rows in stretches:
                 tasks.add(task)
                 episodes.append(
                     SourceEpisode(
@@ -264,6 +268,9 @@ def _plan(
         holds = "holds" if len(sources) == 1 else "hold"
         told = f"{names} {holds} no episode to export, of {len(paths)} that were read"
         told = f"{told} ({where})." if where else f"{told}."
+        if emptied:
+            why = ", ".join(dict.fromkeys(emptied))
+            told += f" In {len(emptied)} every row is left out: {why}."
         if failures:
             raise NoSuccessesError(
                 f"{told} Of these, {failures} that people led did not succeed."
