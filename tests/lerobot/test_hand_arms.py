@@ -47,7 +47,7 @@ def test_tools_move_as_the_hands_do(lockstep: bool) -> None:
     assert leader.step(squeeze=1.0) is OPEN_HOME, "a hand that comes squeezed moves nothing"
     assert "Open both hands" in leader.arms.note
     leader.step()
-    assert "Squeeze" in leader.arms.note
+    assert "Lead a tool" in leader.arms.note
     command = leader.lead(SE3.at(*SHIFT), trigger=0.75)
     kinematics = Kinematics()
     for side, home in kinematics.forward(OPEN_HOME.joints).items():

@@ -147,7 +147,7 @@ def test_the_page_shows_arms_alone_where_they_are_led(page: Page, teleoperator: 
         assert get(teleoperator.url, viewer.hear_of("scene")["url"])[0] == HTTPStatus.OK
     lead(page, teleoperator, 1, SE3.at())
     before = page.hear_of("status", state="waiting")
-    assert "Squeeze" in before["note"]
+    assert "Lead a tool" in before["note"]
     for number in range(2, 60):
         height = min(0.03, 0.003 * (number - 2))
         lead(page, teleoperator, number, SE3.at(0.0, 0.0, height), squeeze=1.0, trigger=1.0)

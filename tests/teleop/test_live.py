@@ -161,5 +161,5 @@ def test_nothing_is_computed_while_nobody_looks(
     monkeypatch.setattr(Geometry, "poses", lambda _self, _data: asked.append(time.monotonic()))
     with running(session):
         session.receive(said(message(0, hand(SE3()), hand(SE3()))), time.monotonic())
-        wait_until(lambda: "Squeeze" in session.note)
+        wait_until(lambda: "Lead" in session.note)
     assert asked == []

@@ -29,7 +29,7 @@ def squeeze(session: Teleoperation, stop: threading.Event) -> None:
     """Send hands sixty times a second, as a page does: open until that was seen, then squeezed."""
     number = 0
     while not stop.is_set():
-        is_asked = session.state is not TeleopState.WAITING or "Squeeze" in session.note
+        is_asked = session.state is not TeleopState.WAITING or "Lead" in session.note
         one = hand(SE3(), squeeze=float(is_asked))
         now = time.monotonic()
         session.receive(said(message(number, one, one, sent=1000.0 * now)), now)

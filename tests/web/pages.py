@@ -94,7 +94,7 @@ class Page:
 def unpack_frame(data: bytes) -> tuple[np.ndarray, int, float]:
     """Poses (bodies, 7), step and time of a frame; see `pack_frame`."""
     time_s, step, bodies = struct.unpack_from("<dII", data)
-    return np.frombuffer(data, "<f4", offset=24).reshape(bodies, 7), step, time_s
+    return np.frombuffer(data, "<f4", 7 * bodies, 24).reshape(bodies, 7), step, time_s
 
 
 def wait_until(condition: Callable[[], object]) -> None:
