@@ -539,7 +539,7 @@ def test_a_session_says_what_it_needs() -> None:
     env = make_recorder(TASK, None, PERSON, action_mode="joint")
     with pytest.raises(OptionError, match="'cartesian'"):
         Teleoperation(env, HandDevice())
-    with pytest.raises(OptionError, match="at least one episode"):
+    with pytest.raises(OptionError, match="1 to 10,000 episodes"):
         Teleoperation(env, HandDevice(), episodes=0)
     env.close()
     for limit_s in (0.0, -1.0, math.inf, math.nan):
