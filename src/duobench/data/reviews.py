@@ -199,7 +199,13 @@ class Reviews:
             DataError: The file cannot be read.
         """
         found = self._of.get(name_of(episode), [])
-        facts = _checksum(episode, episode.stat().st_mtime_ns) if found else ""
+        if not found:
+            return []
+        try:
+            changed_ns = episode.stat().st_mtime_ns
+        except OSError as error:
+            raise DataError(f"Cannot read {episode}: {error.strerror}.") from error
+        facts = _checksum(episode, changed_ns)
         return [review for review in found if review.facts == facts]
 
     def of(self, episode: Path) -> Judgement:

@@ -4,6 +4,7 @@ A run may be followed while others write it: what its records add up to, and its
 """
 
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.core.errors import EvaluationError, OptionError, UnknownNameError
+from duobench.core.errors import DataError, EvaluationError, OptionError, UnknownNameError
 from duobench.core.types import OPENING_SLOTS, DuoCommand
 from duobench.data import DataSet, Recording
 from duobench.envs.config import LAYOUT_SEED
@@ -129,6 +130,32 @@ def test_a_take_that_is_cut_and_not_to_be_used_says_so(tmp_path, opened):
     source.refresh()
     (item,) = source.items
     assert (item.state, item.take.reason) == ("cut", "")
+
+
+def test_a_file_that_cannot_be_read_keeps_no_other_take_away(data, tmp_path, opened):
+    shutil.copytree(data, tmp_path / "half")
+    folder = DataSet.open(tmp_path / "half")
+    (path,) = folder.episodes()
+    whole = path.read_bytes()
+    other = path.with_stem("00001")
+    other.write_bytes(whole[: len(whole) // 2])  # it is being copied
+    source = opened(str(folder.path))
+    assert [item.id for item in source.items] == [f"{TASK}/00000"]
+    assert source.title == "half, without 1 that cannot be read"
+    other.write_bytes(whole)
+    source.refresh()
+    assert (len(source.items), source.title) == (2, "half")
+    source.review(f"{TASK}/00000", kept=False)
+    path.unlink()
+    with pytest.raises(DataError, match="Cannot read"):
+        source.review(f"{TASK}/00000", kept=True)
+    source.refresh()
+    for gone in (source.load, source.review, lambda item: source.images(item, 0)):
+        with pytest.raises(DataError, match=f"{TASK}/00000 is no longer there"):
+            gone(f"{TASK}/00000")
+    other.write_bytes(b"")
+    with pytest.raises(DataError, match="Cannot read"):
+        opened(str(folder.path))
 
 
 def test_a_recorded_episode_is_shown_as_its_states_were(data, opened):

@@ -53,6 +53,7 @@ class LeadingOptions:
         from duobench.teleop.hands import HandDevice
         from duobench.teleop.leaders.device import LeaderDevice
 
+        self._check_words()
         if self.leader is None:
             led_by = HandDevice(lockstep=self.lockstep)
         else:
@@ -64,6 +65,21 @@ class LeadingOptions:
         return led_by, Actor(
             kind=kind, name=self.operator, device=led_by.led_by or None
         )
+
+    def _check_words(self) -> None:
+        """Reject words that the page would not take either."""
+        import msgspec
+
+        from duobench.teleop.messages import Instruction, Operator
+
+        for option, kind, said in (
+            ("--operator", Operator, {"name": self.operator}),
+            ("--instruction", Instruction, {"text": self.instruction}),
+        ):
+            try:
+                msgspec.convert(said, kind)
+            except msgspec.ValidationError as error:
+                raise AdvisedError(f"{option} cannot be recorded: {error}.") from error
 
     @property
     def settings(self) -> dict[str, Any]:

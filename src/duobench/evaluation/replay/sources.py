@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from duobench.core.errors import DuoBenchError, EvaluationError, check_known
+from duobench.core.errors import DataError, DuoBenchError, EvaluationError, check_known
 from duobench.core.types import (
     CONTROL_HZ,
     OPENING_SLOTS,
@@ -121,13 +121,14 @@ class DataSource:
         view: View | None = None,
     ) -> None:
         self._data, self._look, self._tasks = data, as_look(look), tasks
-        self.title = data.path.name
         self._source: Latest[ImageSource] = Latest()
         self._films: Latest[RecordedImages] = Latest()
         self._scenes = SceneCache(view)
         self._reviews = data.reviews
         self._recorded: dict[str, Recorded] = {}
-        self._list()
+        unreadable = self._list()
+        if unreadable and not self._items:
+            raise unreadable[0]
 
     @property
     def items(self) -> list[Item]:
@@ -142,7 +143,7 @@ class DataSource:
 
     def review(self, item: str, **said: Any) -> None:
         """Write down what somebody says about a take, unless that is so; see `Reviews.add`."""
-        path = self._recorded[item].path
+        path = self._find(item).path
         if not self._reviews.of(path).says(**said):
             self._reviews.add(path, **said)
             self._list()
@@ -151,21 +152,33 @@ class DataSource:
         """Files of the recordings that are viewed."""
         return self._data.episodes_of(self._tasks)
 
-    def _list(self) -> None:
-        """List the recordings; those that were read before are not read again."""
+    def _find(self, item: str) -> Recorded:
+        if item not in self._recorded:
+            raise DataError(f"{item} is no longer there, or cannot be read.")
+        return self._recorded[item]
+
+    def _list(self) -> list[DataError]:
+        """List the takes; return why files cannot be read, or not yet, which are left out."""
         before = self._recorded
-        self._recorded = {
-            name_of(path): before.get(name_of(path)) or Recorded.read(path)
-            for path in self._files()
-        }
-        self._items = {
-            name: _recorded(name, recorded.take(self._reviews))
-            for name, recorded in self._recorded.items()
-        }
+        self._recorded, self._items = {}, {}
+        unreadable: list[DataError] = []
+        for path in self._files():
+            name = name_of(path)
+            try:
+                recorded = before.get(name) or Recorded.read(path)
+                self._items[name] = _recorded(name, recorded.take(self._reviews))
+            except DataError as error:
+                unreadable.append(error)
+            else:
+                self._recorded[name] = recorded
+        self.title = self._data.path.name
+        if unreadable:
+            self.title += f", without {len(unreadable)} that cannot be read"
+        return unreadable
 
     def load(self, item: str) -> Trajectory:
         """Collect the poses of every recorded state."""
-        recording = Recording.read(self._recorded[item].path)
+        recording = Recording.read(self._find(item).path)
         info = recording.info
         task = catalog.get(self._data.reference(info))
         source = self._source.get(
@@ -197,7 +210,7 @@ class DataSource:
         Raises:
             DataError: A video cannot be read.
         """
-        recorded = self._recorded[item]
+        recorded = self._find(item)
         path = recorded.path
         cameras = list(recorded.info.videos)
         if not cameras:
