@@ -39,6 +39,8 @@ class Led:
         self._server = server
         self.samples: list[dict[str, Any]] = []
         """Every message of hands, in order."""
+        self.shown_every: int | None = SHOWN
+        """Turns after which the page is shown where everything is; None for never by itself."""
         self._arrivals: list[float] = []
         self._live, self._turns = TeleopPage(session, server), 0
         self.show = self._live.show
@@ -46,13 +48,13 @@ class Led:
         self._end = time.monotonic() + LONGEST_S
         server.on_message = self._take
 
-    def turn(self) -> None:
+    def turn(self, wait_s: float = 1.0) -> None:
         """One turn of the session's loop."""
         assert time.monotonic() < self._end, self.session.status()
-        self.session.wait(1.0)
+        self.session.wait(wait_s)
         self.session.advance(time.monotonic())
         self._turns += 1
-        if self._turns % SHOWN == 0:
+        if self.shown_every and self._turns % self.shown_every == 0:
             self.show()
 
     def follow(self, messages: int = 2) -> None:
@@ -60,6 +62,10 @@ class Led:
         last = len(self.samples) + messages - 1
         while len(self.samples) <= last or (self._executed_s < self._arrivals[last]):
             self.turn()
+
+    def grant(self, seconds: float) -> None:
+        """Give a slow machine more time for the next episode."""
+        self._end = time.monotonic() + seconds
 
     def cut(self) -> None:
         """Cut the connection of who drives, as a network does: nobody says goodbye."""
@@ -81,12 +87,19 @@ class Led:
 
 @contextmanager
 def led(
-    folder: Path, task: str, actor: Actor, window: dict[str, int], *scripts: Path | str
+    folder: Path,
+    task: str,
+    actor: Actor,
+    window: dict[str, int],
+    *scripts: Path | str,
+    episodes: int = 1,
 ) -> Iterator[Led]:
-    """A session of one episode whose page is open and drives; it must have nothing to complain."""
+    """A session whose page is open and drives; it must have nothing to complain."""
     data = DataSet.open(folder)
     with (
-        closing(lockstep_session(task, data, actor=actor, time_limit_s=TIME_LIMIT_S)) as session,
+        closing(
+            lockstep_session(task, data, actor=actor, episodes=episodes, time_limit_s=TIME_LIMIT_S)
+        ) as session,
         closing(PageServer(assets())) as server,
         opened(*scripts) as page,
     ):

@@ -108,7 +108,7 @@ def test_a_slow_line_is_in_the_latency_and_nothing_is_said_before(tmp_path: Path
             thread.start()
             url = address._replace(netloc=f"127.0.0.1:{port}").geturl()
             take_the_drive(page, url, lambda: None)
-            until(page, "document.querySelector('.role').textContent == 'You drive'")
+            until(page, "document.querySelector('.role').textContent == 'You drive as dragger'")
             page.wait_for_timeout(1000)
             facts = page.locator(".facts")
             assert "picture" not in facts.inner_text()

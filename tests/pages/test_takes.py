@@ -103,6 +103,7 @@ def test_keys_say_the_same_about_the_take_that_is_shown(window: Browser, data: D
         page.keyboard.press("y")
         facts(page, "kept, not exported")
         until(page, "document.querySelector('.timeline input').max == '40'")
+        page.get_by_text("Paused", exact=True).wait_for()  # it was played to its end
         for key, step in (("i", 4), ("o", 20)):
             page.locator(".timeline input").fill(str(step))
             page.keyboard.press(key)

@@ -91,7 +91,7 @@ def test_whoever_drives_leads_and_the_others_watch(session: Teleoperation) -> No
 def test_frames_show_where_the_bodies_are(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page:
         simulation = sim_of(session.env).simulation
-        geometry = Geometry(simulation.model)
+        geometry = Geometry(simulation.model, cameras=True)
         assert page.hear_of("scene")["name"] == geometry.name
         poses, step, _ = unpack_frame(page.frame())
         np.testing.assert_allclose(poses, geometry.poses(simulation.data), rtol=0, atol=1e-6)

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import os
 import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
@@ -19,6 +20,13 @@ _connections.setLevel(logging.CRITICAL + 1)  # a client hears what it does wrong
 
 async def _nothing() -> None:
     return
+
+
+class _Connection(ServerConnection):
+    """A connection whose pings draw nothing from the generator that policies may draw from."""
+
+    async def ping(self, data: Any = None) -> Awaitable[float]:
+        return await super().ping(os.urandom(4) if data is None else data)
 
 
 class ServingThread:
@@ -58,6 +66,7 @@ class ServingThread:
                     handler,
                     host,
                     port,
+                    create_connection=_Connection,
                     **options,
                 )
             except (

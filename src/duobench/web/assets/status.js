@@ -13,7 +13,6 @@ const WORLD = {
   standing: "stands still",
 };
 const RUNNING = ["recording", "success"]; // where it can
-const SOUGHT_MS = 1000; // in which the server may still say an older step
 
 /** Fills the page; `tell` sends a message to the server. */
 export class Status {
@@ -25,7 +24,6 @@ export class Status {
   #judging = null; // what takes stages, once it was loaded
   #chips;
   #timeline;
-  #sought = { step: null, at: -Infinity }; // what somebody chose last, and when
   #last = {};
   #items = "";
   #isDrivable = false;
@@ -39,10 +37,7 @@ export class Status {
     this.#tell = tell;
     this.#chips = new Chips(this.#part(".chips"));
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
-    this.#timeline.onSeek = (step) => {
-      this.#sought = { step, at: performance.now() };
-      tell({ kind: "seek", step });
-    };
+    this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
     this.#panel = new Panel(page, tell);
     letHold(this.#part("#hold"), tell, () => this.#last.panel?.can_hold);
@@ -122,13 +117,8 @@ export class Status {
     this.#write(".ping", `${time} ms to the server`);
   }
 
-  /** Show a step, unless the server has not yet heard which one was sought. */
   showStep(step) {
-    const { step: sought, at } = this.#sought;
-    const isOld = step !== sought && performance.now() - at < SOUGHT_MS;
-    if (!this.#last.steps || isOld) return;
-    this.#sought.at = -Infinity;
-    this.#timeline.step = step;
+    if (this.#last.steps) this.#timeline.step = step;
   }
 
   /** Say something that passes. */
@@ -204,7 +194,7 @@ export class Status {
     const spans = rest.corrections ?? [];
     this.#timeline.content = { steps: steps + 1, rate, changes, last, spans };
     this.#timeline.isPlaying = state === "playing";
-    if (step !== undefined) this.showStep(step);
+    if (step !== undefined) this.#timeline.step = step;
   }
 
   #showDriving() {
