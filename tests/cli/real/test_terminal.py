@@ -21,6 +21,7 @@ import pytest
 from duobench.cli.shared import rigs
 from duobench.cli.shared.rigs import KeyTerminal
 from duobench.data import DataSet
+from duobench.data.stream import read_left
 from duobench.real.sessions.operator import QUIT
 from tests.cli.test_cli import ROOT
 from tests.real.simulated import simulated_file
@@ -81,6 +82,8 @@ def test_lost_terminal_holds_the_arms_and_keeps_what_was_recorded(tmp_path: Path
         for words, key in (("h: Nobody is near", "h"), ("p: Placed", "p"), ("It plays", "1")):
             operator.until(words)
             operator.press(key)
+        data = DataSet(tmp_path / "data")
+        wait_until(lambda: any(len(read_left(path)[1]) for path in data.partials()))
         os.close(operator.master)
         assert operator.process.wait(60) == 1  # there is nobody to say more to
     (episode,) = DataSet(tmp_path / "data").recordings()
