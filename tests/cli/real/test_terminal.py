@@ -76,14 +76,19 @@ def terminal(*words: str) -> Iterator[Terminal]:
             process.kill()
 
 
+def wait_until_played(folder: Path) -> None:
+    """Wait until the policy has led for some steps: before, a hold costs no episode."""
+    data = DataSet(folder)
+    wait_until(lambda: any(len(read_left(path)[1]) for path in data.partials()))
+
+
 def test_lost_terminal_holds_the_arms_and_keeps_what_was_recorded(tmp_path: Path) -> None:
     words = ("--rig", str(simulated_file(tmp_path)), "--out", str(tmp_path / "data"))
     with terminal(*RECORD, *words, "--horizon", "9000") as operator:
         for words, key in (("h: Nobody is near", "h"), ("p: Placed", "p"), ("It plays", "1")):
             operator.until(words)
             operator.press(key)
-        data = DataSet(tmp_path / "data")
-        wait_until(lambda: any(len(read_left(path)[1]) for path in data.partials()))
+        wait_until_played(tmp_path / "data")
         os.close(operator.master)
         assert operator.process.wait(60) == 1  # there is nobody to say more to
     (episode,) = DataSet(tmp_path / "data").recordings()
@@ -103,6 +108,7 @@ def test_ctrl_c_at_a_question_leaves_the_next_one_to_hold(tmp_path: Path) -> Non
         for key, words_then in (("h", "p: Placed"), ("p", "It plays")):
             operator.press(key)
             operator.until(words_then)
+        wait_until_played(Path(out))
         operator.press(CTRL_C)
         operator.until("k: keep it")
         operator.press("q")
