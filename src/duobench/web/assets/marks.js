@@ -70,10 +70,14 @@ export class Marks {
 
   /** Draw over the scene. */
   draw({ view, projection }, width, height) {
-    for (const side of SIDES) {
+    const places = SIDES.map((side) => {
+      const tool = this.#tools[side]?.tool;
+      return tool && seen(view, projection, width, height, tool);
+    });
+    for (const [i, side] of SIDES.entries()) {
       const { group, shapes, label, name, number } = this.#parts[side];
       const tool = this.#tools[side];
-      const at = tool && seen(view, projection, width, height, tool.tool);
+      const [at, other] = [places[i], places[1 - i]];
       group.style.display = at ? "" : "none";
       if (!at) continue;
       group.dataset.state = this.active.includes(side) ? "active" : "other";
@@ -83,8 +87,11 @@ export class Marks {
         path.setAttribute("d", pathOf(lines[what] ?? [], view, projection, width, height));
       }
       label.setAttribute("transform", `translate(${at[0].toFixed(1)} ${at[1].toFixed(1)})`);
-      const isLeft = at[0] < (this.limited[side] ? 170 : 90); // no room for words to the left
-      label.dataset.at = isLeft ? "right" : "left";
+      const words = this.limited[side] ? 170 : 90; // pixels
+      const isNear = other && Math.hypot(at[0] - other[0], at[1] - other[1]) < 2 * words;
+      // Not over the other ring.
+      const isBeyond = isNear && at[0] > other[0] && at[0] < width - words;
+      label.dataset.at = at[0] < words || isBeyond ? "right" : "left";
       write(name, `${NAMES[side]}${this.limited[side] ? " · kept back" : ""}`);
       write(number, Number.isNaN(tool.length) ? "" : `${Math.round(1000 * tool.length)} mm`);
     }
