@@ -24,6 +24,7 @@ KEYS = {Side.LEFT: ("1", "g"), Side.RIGHT: ("2", "j")}
 """The keys that choose an arm, and that open and close its gripper."""
 TAP_RAD = 0.05
 TAP_MM = 5
+NEAR_RAD = 0.1
 GRASP_MM, LIFT_MM = 20, 80
 """Below the top of a cube, and above the table."""
 MOST_TRIES = 3
@@ -307,7 +308,7 @@ class ScreenOperator:
     def _below(self, marks: Mask, name: str) -> complex | None:
         """Where the line of a tool ends."""
         if name == "Head":
-            marks = ndimage.binary_opening(marks, np.ones((1, 2)))
+            marks = np.asarray(ndimage.binary_opening(marks, np.ones((1, 2))), dtype=np.bool_)
             rows = np.nonzero(marks.any(axis=1))[0]
             if not len(rows):
                 return None
@@ -373,9 +374,13 @@ def take_cube(op: ScreenOperator, side: Side, colour: Callable[[Picture], Mask])
         if seen is None:
             op.lower(side, 350, 30)
             continue
-        op.turn(seen.blob.angle)
         op.lower(side, 60)
-        op.aim(side, colour, wrist, 3.0)
+        for _ in range(2):  # across an edge of the cube, which is large enough to tell from here
+            seen = op.aim(side, colour, wrist, 3.0)
+            if seen is None or abs(seen.blob.angle) < NEAR_RAD:
+                break
+            op.log(f"turned by {seen.blob.angle:.2f}")
+            op.turn(-seen.blob.angle)
         op.sink((op.height_mm(side) or 0) + GRASP_MM)
         op.grip(side)
         op.sink(-LIFT_MM)
