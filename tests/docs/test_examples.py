@@ -17,7 +17,7 @@ from tables import printed
 import duobench
 from dev.benchmarks import bounds
 from duobench.cli import main
-from duobench.core.randomness import SUITE_VERSION
+from duobench.core.randomness import EVAL, SUITE_VERSION, episode_seed
 from duobench.evaluation import Step, rollout
 from duobench.evaluation.replay.sources import LAYOUTS
 from duobench.policy import Batching, BatchPolicy, SessionPolicy, make
@@ -169,7 +169,10 @@ def test_the_commands_write_what_the_table_says(
     written = {path.suffix for path in (tmp_path / "prints" / "gate").rglob("*") if path.is_file()}
     assert written == {Path(file).suffix for file in listed if "." in file}
     boards = {path.name for path in (tmp_path / "prints" / "mazes" / "ball_maze").glob("board*")}
-    assert {name.partition("-")[0] for name in boards} == {"board", "board_0", "board_7"}
+    task = catalog.get("ball_maze")
+    layouts = [next(task.layouts(episode_seed(task.id, trial), EVAL)) for trial in range(15)]
+    mazes = {f"board_{layout.variants['board']}" for layout in layouts}
+    assert {name.partition("-")[0] for name in boards} == {"board", *mazes}
 
 
 # --- robustness ----------------------------------------------------------------------------------

@@ -45,5 +45,5 @@ def test_a_cube_is_lifted_by_what_the_page_shows(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_most_cubes_are_lifted_by_what_the_page_shows(tmp_path: Path) -> None:
-    times = lifted(tmp_path, 10)  # in the fifth the marks hide the cube from where it is seen first
+    times = lifted(tmp_path, 10)
     assert sum(time <= LIMIT_S for time in times) >= MOST, times

@@ -522,7 +522,12 @@ class Teleoperation:
         return True
 
     def _is_at_rest(self, before: ProgressState) -> bool:
-        """Whether arms and objects are at rest, and no clock of a stage counts since a state."""
+        """Whether arms and objects are at rest, and no clock of a stage counts since a state.
+
+        Never on real arms: what the objects do is not known, so that it is recorded for a while.
+        """
+        if not hasattr(self.env.base, "simulation"):
+            return False
         base = cast("SimEnv", self.env.base)
         speeds = np.abs(base.backend.joint_velocities())
         is_still = base.simulation.is_settled(STILL) and bool((speeds < ARM_REST).all())

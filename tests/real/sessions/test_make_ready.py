@@ -37,7 +37,7 @@ def test_gripper_with_a_fault_that_only_activation_clears(
     assert Side.LEFT in duo.hands.to_activate
     script = Script("rar")
     assert ask_to_make_ready(duo, script)
-    assert "activate the left gripper may clear it" in script.asked[0]
+    assert "a: Nothing is between the fingers: activate" in script.asked[0]
     assert script.answers == []
     assert duo.fault is None
     assert duo.hands.to_activate == ()

@@ -49,7 +49,6 @@ from duobench.real.sessions.session import (
 )
 from duobench.real.sessions.status_page import SILENCE_S
 from duobench.results.run import needed_options
-from duobench.tasks.stages.progress import ProgressState
 from duobench.tasks.task import Task
 from duobench.teleop.intent import TeleopDevice
 from duobench.teleop.messages import (
@@ -426,10 +425,6 @@ class RigTeleoperation(Teleoperation):
         rig.command(rig.last_command)
         self._seen = rig.read()
         return rig.held is None
-
-    def _is_at_rest(self, before: ProgressState) -> bool:  # noqa: ARG002
-        """Never: what the objects do is not known, so that the recording goes on for a while."""
-        return False
 
     def _keep(self) -> None:
         if self.state is TeleopState.RECORDING:
