@@ -3,7 +3,6 @@
 from functools import lru_cache
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +16,6 @@ from duobench.data.recording import Recording
 from duobench.data.used_rows import Span
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
-from duobench.world.sim.simulation import Simulation
 
 STILL = 1e-4
 """What moves by less in a step is at rest, in metres."""
@@ -103,6 +101,11 @@ def _poses(recording: Recording, task: str) -> tuple[Array, Array]:
 @lru_cache(maxsize=1)
 def _units(task: str) -> Array:
     """What counts as rest for each coordinate (nq,) of a task's simulation."""
+    # Recordings of real arms do without the engine.
+    import mujoco
+
+    from duobench.world.sim.simulation import Simulation
+
     model = Simulation(catalog.get(task).props).model
     units = np.full(model.nq, STILL_ANGLE)
     for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True):
