@@ -16,6 +16,7 @@ from duobench.data.recording import Recording
 from duobench.data.used_rows import Span
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
+from duobench.world.robot.frames import Robot
 
 STILL = 1e-4
 """What moves by less in a step is at rest, in metres."""
@@ -93,20 +94,20 @@ def _poses(recording: Recording, task: str) -> tuple[Array, Array]:
     poses: list[NDArray[Any]] = [recording.agent_pos, recording.tcp_pose]
     units = [joints, np.array(tool * len(SIDES))]
     if not recording.info.is_real:
-        units.append(_units(task))
+        units.append(_units(task, recording.info.robot))
         poses.append(recording.state[:, _QPOS : _QPOS + len(units[-1])])
     return np.hstack(poses, dtype=np.float64), np.hstack(units)
 
 
 @lru_cache(maxsize=1)
-def _units(task: str) -> Array:
+def _units(task: str, robot: Robot) -> Array:
     """What counts as rest for each coordinate (nq,) of a task's simulation."""
     # Recordings of real arms do without the engine.
     import mujoco
 
     from duobench.world.sim.simulation import Simulation
 
-    model = Simulation(catalog.get(task).props).model
+    model = Simulation(catalog.get(task).props, robot=robot).model
     units = np.full(model.nq, STILL_ANGLE)
     for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True):
         if kind == mujoco.mjtJoint.mjJNT_FREE:

@@ -9,10 +9,10 @@ from typing import Any
 
 from duobench.core.errors import OptionError, check_known
 from duobench.core.references import load
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.gripper import DEFAULT_GRIPPER, GRIPPERS
 
 FRANKY = "franky"
-HARDWARE_GRIPPER = GRIPPER.word
+HARDWARE_GRIPPER = GRIPPERS[DEFAULT_GRIPPER].word
 REHEARSAL = "rehearsal"
 OWN = "module:NAME"
 """Form of the name of a driver that has no row."""
@@ -47,10 +47,13 @@ DRIVERS: dict[str, dict[str, Driver]] = {
         REHEARSAL: _REHEARSAL,
     },
     "grippers": {
-        HARDWARE_GRIPPER: Driver(
-            path=f"duobench.real.drivers.{GRIPPER.driver}",
-            packages=GRIPPER.libraries,
-        ),
+        **{
+            gripper.word: Driver(
+                path=gripper.driver,
+                packages=gripper.libraries,
+            )
+            for gripper in GRIPPERS.values()
+        },
         REHEARSAL: _REHEARSAL,
     },
     "cameras": {

@@ -7,8 +7,7 @@ import numpy as np
 
 from duobench.core.errors import OptionError
 from duobench.core.types import Array
-from duobench.world.robot.frames import tcp_poses
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import Robot
 
 Point = tuple[float, float, float]
 LONGEST = 5.0
@@ -24,8 +23,13 @@ class Workspace:
     high: Point = (0.8, 0.6, 0.8)
     """Its largest; experts of all tasks stay 0.1 m within the box [measured]."""
 
-    def __post_init__(self) -> None:
-        tools = tcp_poses(HOME_JOINTS)[:, :3]
+    def check(self, robot: Robot) -> None:
+        """Reject a box outside of which a tool is at home.
+
+        Raises:
+            OptionError: One is.
+        """
+        tools = robot.tcp_poses(robot.home)[:, :3]
         if not ((self.low < tools) & (tools < self.high)).all():
             x, y, z = tools[0]
             raise OptionError(

@@ -85,7 +85,9 @@ def open_rig(
     rig.check_computed()
     is_rehearsal = REHEARSAL in rig.drivers
     clock = clock or (PacedClock() if is_rehearsal else SystemClock())
-    rehearsal = load_driver("arms", REHEARSAL)(clock) if is_rehearsal else None
+    rehearsal = (
+        load_driver("arms", REHEARSAL)(clock, rig.robot) if is_rehearsal else None
+    )
     made: dict[str, dict[str, Any]] = {"arms": {}, "grippers": {}, "cameras": {}}
     for part, name, config in rig.devices():
         if config.driver == REHEARSAL and rehearsal is not None:
@@ -98,7 +100,7 @@ def open_rig(
         arms={side: made["arms"][side] for side in SIDES},
         grippers={side: made["grippers"][side] for side in SIDES},
         cameras=made["cameras"],
-        guard=Guard(rig.workspace, rig.obstacles) if guard else None,
+        guard=Guard(rig.robot, rig.workspace, rig.obstacles) if guard else None,
         world=None if rehearsal is None else rehearsal.world,
     )
 

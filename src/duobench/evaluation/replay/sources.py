@@ -184,6 +184,7 @@ class DataSource:
         source = self._source.get(
             info.task, lambda: ImageSource(task, cameras=(), look=self._look)
         )
+        source.take(info.robot)
         show = source.show
         note = ""
         if info.is_real:

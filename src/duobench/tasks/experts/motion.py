@@ -68,7 +68,7 @@ class Arms:
             latency: Control steps from an action to its execution.
         """
         self.sim = simulation
-        self.kinematics = kinematics or Kinematics()
+        self.kinematics = kinematics or Kinematics(simulation.robot)
         command = simulation.duo.command()
         self.joints: Array = command.joints.copy()
         """Commanded joints (2, 7) in radians."""

@@ -18,8 +18,8 @@ from duobench.core.types import (
     Array,
     Side,
 )
-from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
-from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.robot.frames import Robot
+from duobench.world.robot.joints import VELOCITY_LIMITS
 from duobench.world.scene.naming import tcp_name
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
@@ -64,19 +64,20 @@ SHORTENINGS = 5
 OPTIMAL = 1
 """Status of DAQP for a found solution."""
 
-_WRIST_IN_TOOL = LINK7_FROM_TCP.inverse().translation
 _NO_ROWS = np.zeros((0, ARM_JOINTS))
 """No limits but bounds of the joints themselves."""
 
 
 def within_reach(
+    robot: Robot,
     side: Side,
     tool: SE3,
     reach: float = REACH,
 ) -> SE3:
     """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
-    shoulder = SHOULDERS[side]
-    away = product(tool.rotation, _WRIST_IN_TOOL) + tool.translation - shoulder
+    shoulder = robot.shoulders[side]
+    wrist = robot.link7_from_tcp.inverse().translation
+    away = product(tool.rotation, wrist) + tool.translation - shoulder
     distance = length(away)
     excess = max(0.0, distance - reach)
     return tool.moved(*(-excess * away / distance)) if excess else tool
@@ -85,17 +86,17 @@ def within_reach(
 class ArmKinematics:
     """Solves for the joints of one arm; holds no state between calls."""
 
-    def __init__(self, side: Side) -> None:
+    def __init__(self, side: Side, robot: Robot) -> None:
         # mink brings MuJoCo and SciPy, which joint actions do without.
         import mink
 
         from duobench.world.scene.arms import kinematic_model
 
-        model = kinematic_model(side)
+        model = kinematic_model(side, robot)
         model.jnt_range += (LIMIT_MARGIN, -LIMIT_MARGIN)
         model.jnt_range[ELBOW, 1] = STRAIGHT
         self._low, self._high = model.jnt_range.T
-        self._side = side
+        self._side, self._robot = side, robot
         self._configuration = mink.Configuration(model)
         self._tool = mink.FrameTask(
             tcp_name(side),
@@ -126,7 +127,7 @@ class ArmKinematics:
         import mink
 
         start = np.minimum(np.maximum(joints, self._low), self._high)
-        goal = within_reach(self._side, target)
+        goal = within_reach(self._robot, self._side, target)
         self._tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
         self._configuration.update(start)
         residual = self._tool.compute_qp_residual(self._configuration)
@@ -197,8 +198,10 @@ def _objective(tool: Array, from_posture: Array) -> float:
 class Kinematics:
     """Solves for joint targets that bring the tools towards poses; holds no state between calls."""
 
-    def __init__(self) -> None:
-        self._arms = {side: ArmKinematics(side) for side in SIDES}
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        """Arms whose joints it solves for."""
+        self._arms = {side: ArmKinematics(side, robot) for side in SIDES}
 
     def forward(self, joints: Array) -> dict[Side, SE3]:
         """Tool poses in the table frame at joint positions (2, 7)."""
@@ -210,7 +213,7 @@ class Kinematics:
         targets: Mapping[Side, SE3],
         *,
         dt: float = 1.0 / CONTROL_HZ,
-        posture: Array = HOME_JOINTS,
+        posture: Array | None = None,
         before: Array | None = None,
     ) -> Array:
         """One step towards tool poses, within joint ranges and velocity limits.
@@ -224,13 +227,15 @@ class Kinematics:
                 keep to, an arm starts at the nearest position within.
             targets: Tool pose wanted for each side; a side that is missing stays.
             dt: Duration of the step in seconds.
-            posture: Joint positions (2, 7) that the redundant joint is attracted to.
+            posture: Joint positions (2, 7) that the redundant joint is attracted to; home where
+                none are given.
             before: Where the arms were one step earlier (2, 7), in radians.
 
         Returns:
             Joint targets (2, 7), whole multiples of 1 / `GRID` for the sides that have a target.
         """
         result = np.array(joints, dtype=np.float64)
+        posture = self.robot.home if posture is None else posture
         for side, target in targets.items():
             row = side.index
             solution = self._arms[side].step(

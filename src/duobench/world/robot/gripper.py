@@ -1,11 +1,11 @@
 """The gripper at the end of both arms, described once.
 
-The scene builds its model by this description (`scene.gripper`), the simulation and the guard find
-its parts by it, and real arms take its driver from it. Another gripper is another description, the
-builder of its model, and its driver.
+The simulation and the guard find its parts by this description, which names the builder of its
+model and its driver. Another gripper is another description with its own of both.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from duobench.core.spatial import SE3
@@ -21,6 +21,10 @@ class Gripper:
     """A gripper of two fingers; its parts are named within it, as in `left/gripper/left_pad`."""
 
     name: str
+    """Name for people."""
+    model: str
+    """Import path of a function `add(spec, gripper, side, flange, flange_z)`, which hangs its model
+    on a body whose flange is at height `flange_z` along its z, in metres."""
     fingers: tuple[str, str]
     """Its fingers; a part of one begins with its name, and all other parts are the palm."""
     pad: str
@@ -37,6 +41,8 @@ class Gripper:
     """Pose of its base in the flange."""
     tool_offset: float
     """Tool centre point, which is between the pads, beyond the flange along z, in metres."""
+    camera: tuple[float, float, float]
+    """Lens of the camera on the wrist, in the flange frame, in metres."""
     reach: float
     """No point of it is further from its pads, in metres."""
     mass: float
@@ -48,7 +54,7 @@ class Gripper:
     force: float
     """The force in N that they press with in simulation; the speed there is the largest."""
     driver: str
-    """Driver of the real one below `duobench.real.drivers`; a rig's file names the module."""
+    """Import path of the driver of the real one; a rig's file has the name of its module."""
     libraries: tuple[str, ...]
     """Libraries of the driver, as pip knows them."""
 
@@ -65,7 +71,7 @@ class Gripper:
     @property
     def word(self) -> str:
         """Name of its driver in a rig's file."""
-        return self.driver.partition(":")[0]
+        return self.driver.partition(":")[0].rpartition(".")[2]
 
     def finger_of(self, part: str) -> str | None:
         """Return the finger that a part belongs to; None for one of the palm."""
@@ -77,6 +83,7 @@ class Gripper:
 
 ROBOTIQ_2F85 = Gripper(
     name="Robotiq 2F-85",
+    model="duobench.world.scene.robotiq_2f85:add_gripper",
     fingers=("left", "right"),
     pad="pad",
     drive="driver",
@@ -85,13 +92,16 @@ ROBOTIQ_2F85 = Gripper(
     stroke=0.085,  # data sheet
     flange_from_base=SE3.about((0.0, 0.0, 1.0), math.pi / 2),
     tool_offset=0.1493,  # facts of the platform
+    camera=(0.050, 0.0, 0.067),  # manufacturer's camera mount
     reach=0.25,  # 0.186 measured, open and closed
     mass=0.900,
     speeds=(0.020, 0.150),  # data sheet
     forces=(20.0, 235.0),  # data sheet
     force=100.0,  # what a printed part withstands, and holds the heaviest object of the benchmark
-    driver="robotiq:RobotiqGripper",
+    driver="duobench.real.drivers.robotiq:RobotiqGripper",
     libraries=("pymodbus", "pyserial"),
 )
-GRIPPER = ROBOTIQ_2F85
-"""The gripper on both arms."""
+GRIPPERS: Mapping[str, Gripper] = {"robotiq_2f85": ROBOTIQ_2F85}
+"""Grippers by the names that options, records and files have for them."""
+DEFAULT_GRIPPER = "robotiq_2f85"
+"""Gripper of the paper."""

@@ -5,13 +5,14 @@ import mujoco
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
 from duobench.world.robot.cameras import (
-    CAMERAS,
     D405,
     OVERVIEW,
     ZED_MINI,
     RobotCamera,
     View,
+    cameras_with,
 )
+from duobench.world.robot.gripper import Gripper
 from duobench.world.robot.stereo import D405_BASELINE, ZED_BASELINE
 from duobench.world.scene.surfaces import (
     DISTAL,
@@ -29,14 +30,17 @@ _LENS = (0.16, 0.18, 0.24, 1.0)
 
 
 def add_cameras(
-    body: mujoco.MjsBody, arm: Side | None = None, body_from_mount: SE3 | None = None
+    body: mujoco.MjsBody,
+    gripper: Gripper,
+    arm: Side | None = None,
+    body_from_mount: SE3 | None = None,
 ) -> None:
     """Add the cameras of an arm, or those that stand still, with their housings.
 
     The arm's flange, or the table frame, has a pose in the body's frame.
     """
     mount = body_from_mount or SE3()
-    for camera in CAMERAS.values():
+    for camera in cameras_with(gripper).values():
         if camera.arm is not arm:
             continue
         pose = mount @ camera.pose

@@ -22,6 +22,7 @@ from duobench.core.types import Array, DuoCommand, DuoState
 from duobench.world.looks.look import Look
 from duobench.world.objects.segmentation import segmentation_ids
 from duobench.world.robot.camera_geometry import geometries
+from duobench.world.robot.frames import Robot
 from duobench.world.robot.joints import RANGE_MARGIN, SERVO_LAG, duo_limits
 from duobench.world.sim.appearance import Appearance
 from duobench.world.sim.rendering import Renderer
@@ -76,6 +77,11 @@ class SimBackend:
     def image_ages(self) -> dict[str, float]:
         """Return no ages: images are rendered on demand."""
         return {}
+
+    @property
+    def robot(self) -> Robot:
+        """Description of the arms."""
+        return self.simulation.robot
 
     @property
     def limits(self) -> DuoLimits:
@@ -168,7 +174,7 @@ class SimBackend:
             )
             for name, offset in self._look.cameras.items()
         }
-        return geometries(sizes, self.read().tcp_poses, offsets)
+        return geometries(sizes, self.read().tcp_poses, self.robot.gripper, offsets)
 
     def close(self) -> None:
         """Free the renderers."""
