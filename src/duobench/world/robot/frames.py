@@ -30,10 +30,9 @@ from duobench.world.robot.mounts import DEFAULT_MOUNT, MOUNTS, Mount
 
 FLANGE_OFFSET = 0.107
 """Flange beyond link 7 along its z, in metres [Menagerie franka_fr3]."""
-LINK7_FROM_FLANGE = SE3.at(z=FLANGE_OFFSET)
-"""Pose of the flange in link 7."""
 
 _Z = (0.0, 0.0, 1.0)
+_LAST_JOINT = np.eye(ARM_JOINTS)[-1]
 _FRAMES = tuple(
     SE3.from_wxyz(link.wxyz, link.position) for link in LINKS if link.joint is not None
 )
@@ -46,22 +45,28 @@ class Robot:
 
     gripper: Gripper = GRIPPERS[DEFAULT_GRIPPER]
     mount: Mount = MOUNTS[DEFAULT_MOUNT]
+    link7_from_flange: SE3 = field(init=False, compare=False)
+    """Pose of the flange in link 7, turned as the gripper is."""
     link7_from_tcp: SE3 = field(init=False, compare=False)
-    """Pose of the tool centre point in link 7; both have the same orientation."""
+    """Pose of the tool centre point in link 7; it is turned as the flange."""
+    home: Array = field(init=False, compare=False)
+    """Home configuration (2, 7) in radians, left then right, with the tools where they are on this
+    mount with any gripper, but for its length."""
     shoulders: Mapping[Side, Array] = field(init=False, compare=False)
     """Middle of each arm's shoulder (3,) in the table frame, where joints 1 to 3 meet."""
 
     def __post_init__(self) -> None:
-        tool = SE3.at(z=FLANGE_OFFSET + self.gripper.tool_offset)
+        yaw, offset = self.gripper.yaw, self.gripper.tool_offset
+        flange = SE3.at(z=FLANGE_OFFSET, yaw=yaw)
+        tool = SE3.at(z=FLANGE_OFFSET + offset, yaw=yaw)
+        home = self.mount.home - yaw * _LAST_JOINT
+        home.setflags(write=False)
         bases = self.mount.bases.items()
         shoulders = {side: base.apply(LINKS[1].position) for side, base in bases}
+        object.__setattr__(self, "link7_from_flange", flange)
         object.__setattr__(self, "link7_from_tcp", tool)
+        object.__setattr__(self, "home", home)
         object.__setattr__(self, "shoulders", shoulders)
-
-    @property
-    def home(self) -> Array:
-        """Home configuration (2, 7) in radians, left then right."""
-        return self.mount.home
 
     @property
     def home_command(self) -> DuoCommand:

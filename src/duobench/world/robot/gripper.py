@@ -23,8 +23,8 @@ class Gripper:
     name: str
     """Name for people."""
     model: str
-    """Import path of a function `add(spec, gripper, side, flange, flange_z)`, which hangs its model
-    on a body whose flange is at height `flange_z` along its z, in metres."""
+    """Import path of a function `add(spec, gripper, side, body, flange)`, which hangs its model on
+    a body, in whose frame the flange has a pose."""
     fingers: tuple[str, str]
     """Its fingers; a part of one begins with its name, and all other parts are the palm."""
     pad: str
@@ -32,11 +32,14 @@ class Gripper:
     drive: str
     """The joint of a finger that the actuator moves."""
     drive_closed: float
-    """Angle of these joints in radians at which the pads meet; they are open at 0."""
+    """Position of these joints in radians or metres at which the pads meet; at 0 they are open."""
     ctrl_closed: float
     """Input of the actuator for closed; 0 is open."""
     stroke: float
     """Largest gap between the pads in metres: opening 1."""
+    yaw: float = 0.0
+    """Turn in radians about the flange's z that it is mounted with; frames of flange and tool are
+    turned with it, and at home the last joint is turned back."""
     flange_from_base: SE3
     """Pose of its base in the flange."""
     tool_offset: float
@@ -101,7 +104,35 @@ ROBOTIQ_2F85 = Gripper(
     driver="duobench.real.drivers.robotiq:RobotiqGripper",
     libraries=("pymodbus", "pyserial"),
 )
-GRIPPERS: Mapping[str, Gripper] = {"robotiq_2f85": ROBOTIQ_2F85}
+FRANKA_HAND = Gripper(
+    name="Franka Hand",
+    model="duobench.world.scene.franka_hand:add_gripper",
+    fingers=("left", "right"),
+    pad="tip",
+    drive="slide",
+    drive_closed=0.040,  # each finger's half of the stroke
+    ctrl_closed=0.080,
+    stroke=0.080,  # data sheet
+    yaw=-math.pi / 4,  # [Menagerie franka_emika_panda]
+    flange_from_base=SE3(),
+    tool_offset=0.1034,  # manufacturer's robot description
+    camera=(
+        0.056,
+        0.0,
+        0.025,
+    ),  # sees the tips where the other gripper's camera sees its own
+    reach=0.20,  # 0.17 measured, open and closed
+    mass=0.760,  # [Menagerie]; data sheet: about 0.7
+    speeds=(0.010, 0.100),  # data sheet: at most 50 mm/s a finger
+    forces=(10.0, 70.0),  # data sheet: 70 N continuously
+    force=70.0,
+    driver="duobench.real.drivers.franka_hand:FrankaHand",
+    libraries=("franky-control",),
+)
+GRIPPERS: Mapping[str, Gripper] = {
+    "robotiq_2f85": ROBOTIQ_2F85,
+    "franka_hand": FRANKA_HAND,
+}
 """Grippers by the names that options, records and files have for them."""
 DEFAULT_GRIPPER = "robotiq_2f85"
 """Gripper of the paper."""

@@ -6,8 +6,6 @@ from duobench.core.references import load
 from duobench.core.types import ARM_JOINTS, SIDES, Side
 from duobench.world.robot.fr3_links import LINKS, WHITE, Joint
 from duobench.world.robot.frames import (
-    FLANGE_OFFSET,
-    LINK7_FROM_FLANGE,
     Robot,
 )
 from duobench.world.scene.cameras import add_cameras
@@ -35,8 +33,8 @@ def add_robot(spec: mujoco.MjSpec, robot: Robot) -> None:
     for side in SIDES:
         bodies = _add_kinematics(spec, side, robot)
         _add_geometry(spec, side, bodies)
-        add_gripper(spec, robot.gripper, side, bodies[-1], FLANGE_OFFSET)
-        add_cameras(bodies[-1], robot.gripper, side, LINK7_FROM_FLANGE)
+        add_gripper(spec, robot.gripper, side, bodies[-1], robot.link7_from_flange)
+        add_cameras(bodies[-1], robot.gripper, side, robot.link7_from_flange)
 
 
 def kinematic_model(side: Side, robot: Robot) -> mujoco.MjModel:
@@ -63,12 +61,13 @@ def _add_kinematics(
     base = robot.mount.bases[side]
     bodies[0].pos, bodies[0].quat = base.translation, base.wxyz
     for name, pose in (
-        (flange_name(side), LINK7_FROM_FLANGE),
+        (flange_name(side), robot.link7_from_flange),
         (tcp_name(side), robot.link7_from_tcp),
     ):
         bodies[-1].add_site(
             name=name,
             pos=pose.translation,
+            quat=pose.wxyz,
             size=[0.001] * 3,
             group=4,
         )

@@ -196,16 +196,14 @@ def add_gripper(
     spec: mujoco.MjSpec,
     gripper: Gripper,
     side: Side,
-    flange: mujoco.MjsBody,
-    flange_z: float,
+    body: mujoco.MjsBody,
+    flange: SE3,
 ) -> None:
-    """Hang a gripper with its linkage, constraints and actuator on the flange of a body.
-
-    The flange is at height `flange_z` in the body's frame, in metres.
-    """
+    """Hang a gripper with its linkage, constraints and actuator on the flange of a body."""
     prefix = gripper_name(side)
-    base = add_link(flange, f"{prefix}/base", _BASE)
-    base.pos, base.quat = (0, 0, flange_z), gripper.flange_from_base.wxyz
+    base = add_link(body, f"{prefix}/base", _BASE)
+    pose = flange @ gripper.flange_from_base
+    base.pos, base.quat = pose.translation, pose.wxyz
     for name, position, wxyz, rgba in _BASE_VISUALS:
         image = add_mesh(spec, base, f"robotiq_2f85/{name}:visual", position, wxyz)
         image.rgba = rgba
