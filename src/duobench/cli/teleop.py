@@ -15,6 +15,8 @@ from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine
 from duobench.core.files import taken_back
 from duobench.tasks import catalog
+from duobench.world.robot.frames import robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 _LEADING, _PAGE = LeadingOptions(), PageOptions()
 
@@ -26,6 +28,7 @@ def run(
     plan: str | None = None,
     episodes: int = 10,
     look: str = "default",
+    gripper: str = DEFAULT_GRIPPER,
     leading: tyro.conf.OmitArgPrefixes[LeadingOptions] = _LEADING,
     page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
 ) -> None:
@@ -46,6 +49,7 @@ def run(
             several operators, each with a process of their own, lead different ones.
         episodes: How many episodes of the one task to keep, those that are there counted.
         look: How images of the episodes look, unless they are exported with another one.
+        gripper: Gripper on both arms, such as franka_hand, or module:ATTRIBUTE.
         leading: Who leads the arms, and with what.
         page: Where the page is served.
     """
@@ -77,7 +81,7 @@ def run(
             "--instruction goes with one task; type those of a plan on the page."
         )
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
-        led_by, actor = leading.open(ending)
+        led_by, actor = leading.open(ending, robot_with(gripper))
         tasks = find_tasks(wanted.tasks)
         source = leading.find_policy(partial(find_policy, tasks=tasks), ending)
 
@@ -91,6 +95,7 @@ def run(
                 metadata=None if source is None else source.metadata,
                 time_limit_s=leading.limit,
                 look=look,
+                gripper=gripper,
             )
             return Teleoperation(
                 recorder,

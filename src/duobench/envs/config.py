@@ -162,6 +162,12 @@ class EnvConfig:
         return robot_with(self.gripper, self.mount)
 
     @property
+    def other_robot(self) -> str:
+        """Gripper and mount that are not the paper's, in a word; empty where both are."""
+        usual = {self.gripper: DEFAULT_GRIPPER, self.mount: DEFAULT_MOUNT}
+        return " ".join(given for given, default in usual.items() if given != default)
+
+    @property
     def camera_names(self) -> tuple[str, ...]:
         """Names of the cameras that the observation shows."""
         return tuple(map(name_of, self.cameras))

@@ -58,11 +58,11 @@ def run(
     from duobench.results.suite import find_tasks
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
-        led_by, actor = leading.open(ending)
+        duo = rig.open()
+        led_by, actor = leading.open(ending, duo.robot)
         source = leading.find_policy(
             partial(find_rig_policy, tasks=find_tasks((task,))), ending
         )
-        duo = rig.open()
         terminal = ending.enter_context(closing(KeyTerminal()))
         recorder = make_real_recorder(
             duo,

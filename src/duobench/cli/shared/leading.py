@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from duobench.teleop.policy_leader import PolicyLeader
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.web.server import PageServer
+    from duobench.world.robot.frames import Robot
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,7 +48,7 @@ class LeadingOptions:
     """A control step for each message of the page that leads, and none without messages: for
     machines that are too slow for real time, and on a rig for drivers without hardware."""
 
-    def open(self, ending: ExitStack) -> tuple[TeleopDevice, Actor]:
+    def open(self, ending: ExitStack, robot: Robot) -> tuple[TeleopDevice, Actor]:
         """Device of the operator, which `ending` lets go of, and the actor that is recorded."""
         from duobench.data import Actor, ActorKind
         from duobench.teleop.hands import HandDevice
@@ -55,12 +56,12 @@ class LeadingOptions:
 
         self._check_words()
         if self.leader is None:
-            led_by = HandDevice(lockstep=self.lockstep)
+            led_by = HandDevice(lockstep=self.lockstep, robot=robot)
         else:
             source = _joint_source(self.leader)
             source.connect()
             ending.callback(source.close)
-            led_by = LeaderDevice(source)
+            led_by = LeaderDevice(source, robot)
         kind = ActorKind.SCRIPTED_OPERATOR if self.scripted else ActorKind.PERSON
         return led_by, Actor(
             kind=kind, name=self.operator, device=led_by.led_by or None

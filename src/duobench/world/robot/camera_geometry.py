@@ -19,12 +19,14 @@ from duobench.world.robot.cameras import (
     RobotCamera,
     cameras_with,
 )
-from duobench.world.robot.gripper import Gripper
+from duobench.world.robot.gripper import DEFAULT_GRIPPER, GRIPPERS, Gripper
 
 NO_OFFSETS: Mapping[str, tuple[SE3, float]] = {}
 
 
-def named(camera: Any, gripper: Gripper) -> RobotCamera | Camera:
+def named(
+    camera: Any, gripper: Gripper = GRIPPERS[DEFAULT_GRIPPER]
+) -> RobotCamera | Camera:
     """The description of a camera of the robot by its name; one of one's own as it is."""
     cameras = cameras_with(gripper)
     if isinstance(camera, Camera):
