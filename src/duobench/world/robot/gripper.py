@@ -46,6 +46,8 @@ class Gripper:
     """Tool centre point, which is between the pads, beyond the flange along z, in metres."""
     camera: tuple[float, float, float]
     """Lens of the camera on the wrist, in the flange frame, in metres."""
+    bracket: tuple[float, float, float]
+    """Middle of that camera's bracket (8 x 32 x 52 mm), in the flange frame, in metres."""
     reach: float
     """No point of it is further from its pads, in metres."""
     mass: float
@@ -96,6 +98,7 @@ ROBOTIQ_2F85 = Gripper(
     flange_from_base=SE3.about((0.0, 0.0, 1.0), math.pi / 2),
     tool_offset=0.1493,  # facts of the platform
     camera=(0.050, 0.0, 0.067),  # manufacturer's camera mount
+    bracket=(0.046, 0.0, 0.020),
     reach=0.25,  # 0.186 measured, open and closed
     mass=0.900,
     speeds=(0.020, 0.150),  # data sheet
@@ -116,11 +119,9 @@ FRANKA_HAND = Gripper(
     yaw=-math.pi / 4,  # [Menagerie franka_emika_panda]
     flange_from_base=SE3(),
     tool_offset=0.1034,  # manufacturer's robot description
-    camera=(
-        0.056,
-        0.0,
-        0.025,
-    ),  # sees the tips where the other gripper's camera sees its own
+    # Sees both tips, and little of the palm.
+    camera=(0.056, 0.0, 0.035),
+    bracket=(0.046, 0.0, -0.002),
     reach=0.20,  # 0.17 measured, open and closed
     mass=0.760,  # [Menagerie]; data sheet: about 0.7
     speeds=(0.010, 0.100),  # data sheet: at most 50 mm/s a finger
