@@ -29,6 +29,8 @@ class Driver:
     """Names by which pip knows the libraries that it needs."""
     is_computed: bool = False
     """Whether it drives no hardware, so that its time may be computed too."""
+    is_on_arm: bool = False
+    """Whether a gripper is reached through the control box of its arm."""
     has_depth: bool = False
     """Whether a camera may measure depth."""
 
@@ -51,6 +53,7 @@ DRIVERS: dict[str, dict[str, Driver]] = {
             gripper.word: Driver(
                 path=gripper.driver,
                 packages=gripper.libraries,
+                is_on_arm=gripper.is_on_arm,
             )
             for gripper in GRIPPERS.values()
         },

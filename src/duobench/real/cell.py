@@ -33,8 +33,9 @@ class Workspace:
         if not ((self.low < tools) & (tools < self.high)).all():
             x, y, z = tools[0]
             raise OptionError(
-                f"low and high of a workspace have both tools at home between them, x {x:.2f}, "
-                f"y {-y:.2f} and {y:.2f}, z {z:.2f}; got {list(self.low)} and {list(self.high)}."
+                "workspace: low and high of a workspace have both tools at home between them, "
+                f"x {x:.2f}, y {-y:.2f} and {y:.2f}, z {z:.2f}; "
+                f"got {list(self.low)} and {list(self.high)}."
             )
 
     def room(self, point: Array) -> float:

@@ -20,6 +20,8 @@ from duobench.real.rig import (
     Rig,
 )
 from duobench.world.robot.cameras import CAMERAS, D405
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 REHEARSAL_SIZE = (180, 320)
 """Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
@@ -31,7 +33,7 @@ REHEARSAL_MOMENT = 12.0
 """Moment in N·m at its tool at which it stops: a pot at the end of an arm turns the wrist."""
 
 
-def rehearsal_rig() -> Rig:
+def rehearsal_rig(gripper: str = DEFAULT_GRIPPER, mount: str = DEFAULT_MOUNT) -> Rig:
     """A rig without hardware whose arms and grippers act on our own simulation of a task.
 
     Mounts are named by address and port, so that arms can be swapped as cables can.
@@ -60,6 +62,8 @@ def rehearsal_rig() -> Rig:
         arms=arms,
         grippers={side: GripperConfig(driver=REHEARSAL, port=side) for side in SIDES},
         cameras=cameras,
+        gripper=gripper,
+        mount=mount,
     )
 
 

@@ -56,8 +56,8 @@ HAND_RAD = math.radians(1.5)
 """Standard deviation of how it is turned, in radians (estimated)."""
 PLACING_S = 0.5
 """Seconds that objects have to come to rest, and cameras to see them."""
-STILL = 0.05
-"""Speed in rad/s of a joint of the fingers under which they rest."""
+STILL = 0.06
+"""Speed of the fingers, in their whole ways a second, under which they rest."""
 _TRIES = 20
 _DAMPED = 1e-6 * np.eye(6)
 _CONTACT = mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS.value
@@ -375,7 +375,9 @@ class RehearsalWorld:
         target = gripper.target
         if target is not None:
             data.ctrl[hand] = kind.ctrl_closed * (target - low) / (high - low)
-        elif np.abs(data.qvel[self._drive_dofs[index]]).max() > STILL:
+        elif (
+            np.abs(data.qvel[self._drive_dofs[index]]).max() > STILL * kind.drive_closed
+        ):
             data.ctrl[hand] = (
                 kind.ctrl_closed * share
             )  # stop; a grip that rests is kept

@@ -359,6 +359,13 @@ class Rig:
                 raise OptionError(
                     f"{where}.{key} says where it is, without spaces; got {place!r}."
                 )
+            if driver is not None and driver.is_on_arm:
+                address = self.arms[Side(name)].address
+                if place != address:
+                    raise OptionError(
+                        f"{where}.{key} is the address of its arm, {address!r}, got {place!r}."
+                    )
+                continue
             if device.driver == FRANKY and not is_host(place):
                 raise OptionError(
                     f"{where}.{key} is a host name or four numbers, such as 172.16.0.2; got "

@@ -39,8 +39,8 @@ ARRIVED_TURN = 0.03
 MAX_ARRIVAL_STEPS = 20
 """Control steps that a motion waits for the tool to arrive."""
 OPEN, CLOSED = 1.0, 0.0
-MAX_GRIP_STEPS = 20
-"""Control steps that a gripper waits for its fingers to come to rest."""
+GRIP_TIME = 1.2
+"""Largest time that a gripper waits for its fingers to come to rest, in whole ways of them."""
 AT_REST = 0.004
 """Change of an opening in one control step below which fingers have come to rest."""
 NEAR = 0.012
@@ -283,9 +283,10 @@ def grip(
     """Bring grippers to an opening and wait until their fingers have come to rest."""
     for side in sides:
         arms.openings[side.index] = opening
-    yield from wait(3 + arms.latency)
+    gripper = arms.sim.robot.gripper
+    yield from wait(2 + gripper.hold_steps + arms.latency)
     last = np.array([arms.opening(side) for side in sides])
-    for _ in range(MAX_GRIP_STEPS):
+    for _ in range(int(GRIP_TIME * gripper.closing_steps)):
         yield
         now = np.array([arms.opening(side) for side in sides])
         if np.abs(now - last).max() < AT_REST:

@@ -7,8 +7,10 @@ model and its driver. Another gripper is another description with its own of bot
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from duobench.core.spatial import SE3
+from duobench.core.types import CONTROL_HZ
 
 
 @dataclass(
@@ -58,10 +60,15 @@ class Gripper:
     """Forces in N that the pads can be told to press with."""
     force: float
     """The force in N that they press with in simulation; the speed there is the largest."""
+    hold_steps: int = 1
+    """Control steps from one target of its fingers to the next, on a fixed grid from the reset on:
+    a newer one stops a running motion, which takes its time."""
     driver: str
     """Import path of the driver of the real one; a rig's file has the name of its module."""
     libraries: tuple[str, ...]
     """Libraries of the driver, as pip knows them."""
+    is_on_arm: bool = False
+    """Whether the driver reaches it through the control box of its arm."""
 
     @property
     def pads(self) -> tuple[str, ...]:
@@ -72,6 +79,15 @@ class Gripper:
     def drives(self) -> tuple[str, ...]:
         """Joints that the actuator moves, one a finger."""
         return tuple(f"{finger}_{self.drive}" for finger in self.fingers)
+
+    def takes_target(self, step: Any) -> Any:
+        """Whether it takes a new target in a control step, counted from the reset; also arrays."""
+        return step % self.hold_steps == 0
+
+    @property
+    def closing_steps(self) -> float:
+        """Control steps from open to closed, at its largest speed."""
+        return CONTROL_HZ * self.stroke / self.speeds[1]
 
     @property
     def word(self) -> str:
@@ -127,8 +143,10 @@ FRANKA_HAND = Gripper(
     speeds=(0.010, 0.100),  # data sheet: at most 50 mm/s a finger
     forces=(10.0, 70.0),  # data sheet: 70 N continuously
     force=70.0,
+    hold_steps=6,
     driver="duobench.real.drivers.franka_hand:FrankaHand",
     libraries=("franky-control",),
+    is_on_arm=True,
 )
 GRIPPERS: Mapping[str, Gripper] = {
     "robotiq_2f85": ROBOTIQ_2F85,
