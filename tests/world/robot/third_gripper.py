@@ -21,6 +21,7 @@ PINCERS = Gripper(
     yaw=0.5,
     flange_from_base=SE3(),
     tool_offset=0.21,
+    tips=0.01,
     camera=(0.06, 0.0, 0.12),
     bracket=(0.05, 0.0, 0.08),
     reach=0.3,
@@ -41,10 +42,13 @@ def add_pincers(spec, gripper, side, body, flange):
     collide_as_metal(add_box(base, SE3.at(z=0.07), (0.06, 0.16, 0.14), grey), group)
     tendon = spec.add_tendon(name=prefix, damping=[gripper.force / 0.2, 0, 0])
     for name, sign in zip(gripper.fingers, (-1, 1), strict=True):
-        finger = add_link(base, f"{prefix}/{name}_box", Link(mass=0.05, **still))
+        middle = (0, sign * 0.065, 0.18)
+        finger = add_link(
+            base, f"{prefix}/{name}_box", Link(mass=0.05, **still | {"centre": middle})
+        )
         slide = finger.add_joint(name=f"{prefix}/{name}_slide", axis=(0, -sign, 0), armature=0.1)
         slide.type, slide.limited, slide.range = mjtJoint.mjJNT_SLIDE, True, (0, 0.061)
-        box = add_box(finger, SE3.at(y=sign * 0.065, z=0.18), (0.02, 0.01, 0.08), grey)
+        box = add_box(finger, SE3.at(*middle), (0.02, 0.01, 0.08), grey)
         collide_as_metal(box, group)
         box.friction = (0.8, 0.005, 0.0001)
         tendon.wrap_joint(slide.name, 1.0)

@@ -49,8 +49,16 @@ CAREFUL = 0.25
 """Mean speed in m/s of a tool that comes to an object, or brings one to its place."""
 
 
+TIPS = 0.0229
+"""Reach of fingertips beyond the tool, in metres, for which scripts are written."""
+
+
 class Arms:
-    """Both arms as a script moves them: tool targets, openings, and what the simulator shows."""
+    """Both arms as a script moves them: tool targets, openings, and what the simulator shows.
+
+    Tools of scripts have fingertips that reach `TIPS` beyond them; where a gripper's reach less,
+    its tool is led as much further along its own z.
+    """
 
     def __init__(
         self,
@@ -76,7 +84,11 @@ class Arms:
         """Commanded joints (2, 7) one step earlier, in radians."""
         self.openings: Array = command.openings.copy()
         """Commanded openings (2,), 0 closed to 1 open."""
-        self.targets: dict[Side, SE3] = dict(self.kinematics.forward(self.joints))
+        self._deeper = TIPS - simulation.robot.gripper.tips
+        self.targets: dict[Side, SE3] = {
+            side: self._script_tool(pose)
+            for side, pose in self.kinematics.forward(self.joints).items()
+        }
         """Tool pose that each arm is being led to, in the table frame."""
         self.variety = variety or VarietySample()
         """Variations of this episode."""
@@ -88,12 +100,20 @@ class Arms:
     def action(self) -> Array:
         """The next 16 numbers: one step of inverse kinematics towards the targets."""
         before, self.before = self.before, self.joints
-        self.joints = self.kinematics.step(self.joints, self.targets, before=before)
+        targets = self.targets
+        if self._deeper:
+            deeper = SE3.at(z=self._deeper)
+            targets = {side: target @ deeper for side, target in targets.items()}
+        self.joints = self.kinematics.step(self.joints, targets, before=before)
         return DuoCommand(joints=self.joints, openings=self.openings).flat
 
     def tcp_pose(self, side: Side) -> SE3:
         """Measured pose of a tool centre point, in the table frame."""
-        return self.sim.site_pose(tcp_name(side))
+        return self._script_tool(self.sim.site_pose(tcp_name(side)))
+
+    def _script_tool(self, tool: SE3) -> SE3:
+        """Pose of the tool of scripts where that of the gripper is."""
+        return tool @ SE3.at(z=-self._deeper) if self._deeper else tool
 
     def opening(self, side: Side) -> float:
         """Measured opening of a gripper, 0 to 1."""

@@ -46,6 +46,8 @@ class Gripper:
     """Pose of its base in the flange."""
     tool_offset: float
     """Tool centre point, which is between the pads, beyond the flange along z, in metres."""
+    tips: float
+    """Reach of its pads beyond the tool centre point, along z, around a 32 mm cube, in metres."""
     camera: tuple[float, float, float]
     """Lens of the camera on the wrist, in the flange frame, in metres."""
     bracket: tuple[float, float, float]
@@ -113,6 +115,7 @@ ROBOTIQ_2F85 = Gripper(
     stroke=0.085,  # data sheet
     flange_from_base=SE3.about((0.0, 0.0, 1.0), math.pi / 2),
     tool_offset=0.1493,  # facts of the platform
+    tips=0.0229,  # measured; 0.0097 where it is open
     camera=(0.050, 0.0, 0.067),  # manufacturer's camera mount
     bracket=(0.046, 0.0, 0.020),
     reach=0.25,  # 0.186 measured, open and closed
@@ -135,6 +138,7 @@ FRANKA_HAND = Gripper(
     yaw=-math.pi / 4,  # [Menagerie franka_emika_panda]
     flange_from_base=SE3(),
     tool_offset=0.1034,  # manufacturer's robot description
+    tips=0.0085,
     # Sees both tips, and little of the palm.
     camera=(0.056, 0.0, 0.035),
     bracket=(0.046, 0.0, -0.002),
