@@ -51,6 +51,8 @@ CAREFUL = 0.25
 
 TIPS = 0.0229
 """Reach of fingertips beyond the tool, in metres, for which scripts are written."""
+LENGTH = 0.1722
+"""Way from the flange to the fingertips, in metres, for which they are."""
 
 
 class Arms:
@@ -84,7 +86,11 @@ class Arms:
         """Commanded joints (2, 7) one step earlier, in radians."""
         self.openings: Array = command.openings.copy()
         """Commanded openings (2,), 0 closed to 1 open."""
-        self._deeper = TIPS - simulation.robot.gripper.tips
+        gripper = simulation.robot.gripper
+        self.deeper = TIPS - gripper.tips
+        """How much further along its z than a script's tool that of the gripper is, in metres."""
+        self.shorter = max(0.0, LENGTH - gripper.tool_offset - gripper.tips)
+        """How much nearer palm, camera and wrist come to what fingers reach into, in metres."""
         self.targets: dict[Side, SE3] = {
             side: self._script_tool(pose)
             for side, pose in self.kinematics.forward(self.joints).items()
@@ -101,8 +107,8 @@ class Arms:
         """The next 16 numbers: one step of inverse kinematics towards the targets."""
         before, self.before = self.before, self.joints
         targets = self.targets
-        if self._deeper:
-            deeper = SE3.at(z=self._deeper)
+        if self.deeper:
+            deeper = SE3.at(z=self.deeper)
             targets = {side: target @ deeper for side, target in targets.items()}
         self.joints = self.kinematics.step(self.joints, targets, before=before)
         return DuoCommand(joints=self.joints, openings=self.openings).flat
@@ -113,7 +119,7 @@ class Arms:
 
     def _script_tool(self, tool: SE3) -> SE3:
         """Pose of the tool of scripts where that of the gripper is."""
-        return tool @ SE3.at(z=-self._deeper) if self._deeper else tool
+        return tool @ SE3.at(z=-self.deeper) if self.deeper else tool
 
     def opening(self, side: Side) -> float:
         """Measured opening of a gripper, 0 to 1."""
