@@ -200,6 +200,8 @@ class GamepadOperator:
     def _turning(self, turns: dict[Side, Array]) -> list[float]:
         (left,) = turns.values()
         speeds = [GAIN * float(left @ axis) for axis in (self._up, self._right, self._forward)]
+        slower = min(1.0, TURN / max(map(abs, speeds)))  # by the shortest way
+        speeds = [slower * speed for speed in speeds]
         return [*(stick(value, TURN) for value in speeds), 0.0]
 
     def _tilt(self, axes: list[float]) -> None:
