@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from duobench.core.types import Side
-from tests.pages.leading import LONGEST_S, follower, led
+from tests.pages.leading import follower, led
 from tests.pages.screen_operator import CLOCK, ScreenOperator, is_black, take_cube
 
 LOG = logging.getLogger(__name__)
@@ -34,7 +34,7 @@ def lifted(folder: Path, layouts: int) -> list[int]:
     with led(folder, "bin_sort", follower("mouse"), WINDOW, CLOCK, episodes=layouts) as one:
         operator = ScreenOperator(one)
         for layout in range(layouts):
-            one.grant(LONGEST_S)
+            one.begin()
             is_lifted = take_cube(operator, Side.RIGHT, is_black)
             times.append(operator.led_s if is_lifted else NEVER)
             LOG.info("layout %d: lifted %s, %d s led", layout, is_lifted, operator.led_s)
