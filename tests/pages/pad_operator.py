@@ -8,6 +8,7 @@ from __future__ import annotations
 import cmath
 import io
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,6 +154,7 @@ class PadOperator(ScreenOperator):
         self._led.show()
         self._page.wait_for_timeout(HEARD_MS)
         self._page.evaluate(DRAWN)
+        self._scene = self._box(self._page.locator("canvas").first)  # words above it may wrap
         x, y, width, height = self._scene
         clip = {"x": x, "y": y, "width": width, "height": height}
         with Image.open(io.BytesIO(self._page.screenshot(clip=clip))) as image:  # pyright: ignore[reportArgumentType]
@@ -164,21 +166,40 @@ class PadOperator(ScreenOperator):
         assert shown is not None
         return shown / 1000
 
-    def place(self, pixel: complex, height: float) -> complex:
+    def place(self, pixel: Any, height: float) -> Any:
         """Where something at a height is that is seen at a pixel: metres to the right and away."""
         _x, _y, across, down = self._scene
-        away = (pixel - complex(across, down) / 2).conjugate()
+        away = np.conj(pixel - complex(across, down) / 2)
         return away * (EYE - height) / (FOCUS * down)
 
-    def pixel(self, place: complex, height: float) -> complex:
+    def pixel(self, place: Any, height: float) -> Any:
         """Where something is seen."""
         _x, _y, across, down = self._scene
-        return complex(across, down) / 2 + place.conjugate() * (FOCUS * down) / (EYE - height)
+        return complex(across, down) / 2 + np.conj(place) * (FOCUS * down) / (EYE - height)
 
-    def below(self, side: Side, picture: Picture, ground: float = 0.0) -> complex:
-        """Where the ring with a cross lies that is right below a tool, on ground of a height."""
+    def below(self, side: Side, picture: Picture) -> complex:
+        """Where the ring with a cross lies that is right below a tool.
+
+        The ring at the tool is seen too, larger and farther from the middle: the higher the more.
+        """
+        high = self.high[side]
+        ground = max(0.0, high - self.height(side))
+        marks = ndimage.gaussian_filter(marks_of(picture, side).astype(float), 0.7)
         _x, _y, _across, down = self._scene
-        return self.place(found_ring(marks_of(picture, side), RING * FOCUS * down / (EYE - ground)), ground)
+        rough = self.place(found_ring(marks, RING * FOCUS * down / (EYE - ground)), ground)
+        circle = RING * np.exp(1j * np.arange(0, 2 * np.pi, 0.1))
+        line = np.linspace(-RING, RING, 30)
+        on_ground = np.concatenate([circle, line, 1j * line])
+
+        def fit(place: complex) -> float:
+            low, top = self.pixel(place + on_ground, ground), self.pixel(place + circle, high)
+            seen = np.concatenate([low, top])
+            return float(ndimage.map_coordinates(marks, [seen.imag, seen.real], order=1).mean())
+
+        for step, reach in ((0.002, 12), (0.0005, 6)):
+            shifts = np.arange(-reach, reach + 1) * step
+            rough = max((rough + complex(a, b) for a in shifts for b in shifts), key=fit)
+        return rough
 
     def lower(self, side: Side, height: float, *steps: float) -> None:
         """Lower a tool over the table to a height above it, by what it says it is above something.
@@ -195,11 +216,11 @@ class PadOperator(ScreenOperator):
                 self.high[side] = height
                 self.wait(10)
 
-    def bring(self, side: Side, goal: complex, ground: float = 0.0, tries: int = 2) -> None:
+    def bring(self, side: Side, goal: complex, tries: int = 2) -> None:
         """Move a tool until the ring below it is at a place."""
         self.lead(side)
         for _ in range(tries):
-            way = goal - self.below(side, self.scene(), ground)
+            way = goal - self.below(side, self.scene())
             self.log(f"{side.name}: {1000 * way:.1f} mm to go")
             if abs(way) < NEAR:
                 return
@@ -215,14 +236,14 @@ def marks_of(picture: Picture, side: Side) -> Mask:
     return (blue - red > 80) & (blue > 190)
 
 
-def found_ring(mask: Mask, radius: float) -> complex:
+def found_ring(marks: NDArray[np.float64], radius: float) -> complex:
     """The middle of a ring of a radius with a cross in it."""
     size = math.ceil(radius) + 4
     down, across = np.indices((2 * size + 1, 2 * size + 1)) - size
     away = np.hypot(across, down)
     is_line = (np.abs(away - radius) < 1.5) | ((np.minimum(abs(across), abs(down)) < 1.5) & (away < radius))
     form = np.where(is_line, 1.0, np.where(away < radius + 3, -0.4, 0.0))
-    fit = signal.fftconvolve(mask.astype(float), form[::-1, ::-1], mode="same")
+    fit = signal.fftconvolve(marks, form[::-1, ::-1], mode="same")
     row, column = np.unravel_index(int(fit.argmax()), fit.shape)
     return complex(column, row)
 
@@ -381,7 +402,7 @@ class MazePlayer:
             op.yaw(cmath.phase(board.axis))
             op.lower(side, ABOVE, GRIP_HIGH)
         for side in SIDES:
-            op.bring(side, places[side], GRIP_HIGH)
+            op.bring(side, places[side])
         for side in SIDES:
             op.lower(side, GRASP, GRIP_HIGH)
         for side in SIDES:
