@@ -30,13 +30,15 @@ NEAR_RAD = 0.1
 GRASP_MM = {"cube": 20, "block": 10}
 """Below the top of a thing."""
 LIFT_MM = 80
-RAISED_MM = 120
+RAISED_MM = 200
 """How much higher than lifted a block is handed over."""
-HALF_BLOCK_MM = 16
 MEETING = 20 - 20j
 """Pixels from the middle of the scene to where the giver holds a block, from above."""
-LEAN_PIXELS = 140
-"""Of a drag that leans a hand by 40 degrees."""
+LEANS = {Side.RIGHT: 87, Side.LEFT: -192}
+"""Pixels of a drag from above that lean each hand outwards: by 25 degrees, and by 55."""
+FREE_END_RADII, FREE_END_MM = 2.0, 43
+"""Of the block that the giver holds leaning: to the left of the giver's ring, and above what was
+its lowest point before it leaned."""
 MOST_TRIES = 3
 MOST_PIXELS = 120
 """Of a drag, before it is looked at again."""
@@ -517,20 +519,19 @@ def hand_over(op: ScreenOperator) -> bool:
     for _ in range(2):
         at, _radius = op.ring(giver)
         op.drag(middle + MEETING - at)
-    held_mm = op.height_mm(giver)
-    assert held_mm is not None
-    op.log(f"held up: {op.ring(giver)}, {held_mm} mm")
+    goal_mm = (op.height_mm(giver) or 0) + FREE_END_MM
+    op.drag(complex(LEANS[giver]), "Shift")
+    op.log(f"held up: {op.ring(giver)}, {goal_mm} mm")
     op.choose(receiver)
     op.turn_to(receiver, math.pi / 2)
-    op.drag(complex(-LEAN_PIXELS, 0), "Shift")
+    op.drag(complex(LEANS[receiver]), "Shift")
     goal = op.next
-    for shift in (0.0, -0.5, 0.5):
-        beside(op, (6.0 + shift), 4.0)
-        op.lower(receiver, held_mm + HALF_BLOCK_MM)
-        rest = (op.height_mm(receiver) or 0) - held_mm - HALF_BLOCK_MM
-        op.sink(rest)
-        beside(op, 6.0 + shift, 2.0)
-        beside(op, 2.0 + shift, 2.0)
+    for nearer in (0.0, 0.4, -0.4):
+        beside(op, 6.0, 5.0)
+        op.lower(receiver, goal_mm)
+        op.sink((op.height_mm(receiver) or 0) - goal_mm)
+        beside(op, 6.0, 3.0)
+        beside(op, FREE_END_RADII - nearer, 3.0)
         op.log(f"at the end: {op.ring(giver)}, {op.ring(receiver)}, {op.height_mm(receiver)} mm")
         op.grip(receiver)
         op.log(op.next)
