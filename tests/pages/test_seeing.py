@@ -14,7 +14,7 @@ import pytest
 
 from duobench.core.types import Side
 from tests.pages.leading import follower, led
-from tests.pages.screen_operator import CLOCK, ScreenOperator, is_black, take_cube
+from tests.pages.screen_operator import BLACK_CUBE, CLOCK, ScreenOperator, take
 
 LOG = logging.getLogger(__name__)
 WINDOW = {"width": 1240, "height": 780}
@@ -35,7 +35,7 @@ def lifted(folder: Path, layouts: int) -> list[int]:
         operator = ScreenOperator(one)
         for layout in range(layouts):
             one.begin()
-            is_lifted = take_cube(operator, Side.RIGHT, is_black)
+            is_lifted = take(operator, Side.RIGHT, BLACK_CUBE)
             times.append(operator.led_s if is_lifted else NEVER)
             LOG.info("layout %d: lifted %s, %d s led", layout, is_lifted, operator.led_s)
             operator.press("Backspace")
