@@ -25,9 +25,9 @@ from duobench.data.attempts import (
 from duobench.data.dataset import DataSet
 from duobench.data.leading import (
     Leading,
-    Take,
+    LedEpisode,
     add_up,
-    takes_without_file,
+    episodes_without_file,
 )
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
@@ -232,10 +232,10 @@ def summarize(data: DataSet) -> Summary:
     differences = {
         task: words for task, each in compared(data).items() if (words := str(each))
     }
-    led: list[Take | None] = []
+    led: list[LedEpisode | None] = []
     for task in led_tasks(data):
         files = {path.stem for path in data.episodes(task)}
-        led += takes_without_file(of_task(data, task), files)
+        led += episodes_without_file(of_task(data, task), files)
     for task in data.tasks:
         recordings = []
         unused = Counter[Reason]()
@@ -256,7 +256,7 @@ def summarize(data: DataSet) -> Summary:
                 within=judgement.rows,
             )
             unused.update(rows.left_out)
-            led.append(Take.of(recording))
+            led.append(LedEpisode.of(recording))
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))
