@@ -18,7 +18,7 @@ from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
 
 STILL = 1e-4
-"""What moves by less in a step is at rest, in metres."""
+"""Motion in a step below which an object is at rest, in metres."""
 STILL_TOOL = 5e-4
 """The same of a measured tool, whose joints are noisy."""
 STILL_ANGLE = 3e-4
@@ -30,7 +30,7 @@ STILL_OPENING = 5e-3
 STILL_TARGET = 1e-4
 """The same of a commanded target, in radians or as an opening."""
 DRIFT = 10.0
-"""How often as far anything may move all through rows that are left out: 1 mm, 3 mrad."""
+"""Multiple of the motions above that adjacent rows left out may add up to: 1 mm, 3 mrad."""
 _QPOS = 1
 """Place of the first coordinate in a state of the simulation, behind the time."""
 
@@ -40,11 +40,11 @@ def idle_rows(
     task: str,
     span: Span,
 ) -> NDArray[np.bool_]:
-    """Which rows of some that follow each other are idle.
+    """Tell which rows of a span are idle, (rows,).
 
-    What is seen behind rows that are left out is, but for a small drift, what the last one that is
-    used led to, and no further from that one than a step leads somewhere in the episode: joints,
-    tools, objects. A slow motion keeps as many rows as that needs.
+    A row is idle if nobody leads, no judgement changes, and joints, tools, objects and targets are
+    still where the last used row left them, but for a small drift. No step from a used row to the
+    next one is longer than the longest step of the episode, so that a slow motion keeps some rows.
     """
     first, end = span
     poses, units = _poses(recording, task)

@@ -25,7 +25,7 @@ from duobench.web.server import PageServer
 _QUIET = ("step", "led_s", "lost")
 """Fields of a status that change all the time, sent once in a while or with others."""
 _TURNS = 6
-"""Turns of the loop after which it is sent at the latest: a drag is measured where the tool is."""
+"""Most turns of the loop between statuses: pages measure a drag from where they say the tool is."""
 WATCHING = "You watch: take over to lead the arms."
 PERIOD_S = 1.0 / CONTROL_HZ
 """Seconds from one control step to the next."""
