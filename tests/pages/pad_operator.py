@@ -209,7 +209,9 @@ class PadOperator(ScreenOperator):
         self.lead(side)
         for _ in range(2):
             shown = self.height(side)
-            above = min((shown + step for step in (0.0, *steps)), key=lambda z: abs(z - self.high[side]))
+            above = min(
+                (shown + step for step in (0.0, *steps)), key=lambda z: abs(z - self.high[side])
+            )
             self.log(f"{side.name}: {1000 * above:.0f} mm high")
             if abs(height - above) > 0.002:
                 self.shift(0.0, 0.0, height - above)
@@ -241,7 +243,9 @@ def found_ring(marks: NDArray[np.float64], radius: float) -> complex:
     size = math.ceil(radius) + 4
     down, across = np.indices((2 * size + 1, 2 * size + 1)) - size
     away = np.hypot(across, down)
-    is_line = (np.abs(away - radius) < 1.5) | ((np.minimum(abs(across), abs(down)) < 1.5) & (away < radius))
+    is_line = (np.abs(away - radius) < 1.5) | (
+        (np.minimum(abs(across), abs(down)) < 1.5) & (away < radius)
+    )
     form = np.where(is_line, 1.0, np.where(away < radius + 3, -0.4, 0.0))
     fit = signal.fftconvolve(marks, form[::-1, ::-1], mode="same")
     row, column = np.unravel_index(int(fit.argmax()), fit.shape)
@@ -446,7 +450,9 @@ class MazePlayer:
             self.run(plan[0], ball)
         goal = complex(*centre(board.maze.goal))
         for _ in range(12):
-            self.towards(STEEP / 2 * complex(math.copysign(1, goal.real), math.copysign(1, goal.imag)))
+            self.towards(
+                STEEP / 2 * complex(math.copysign(1, goal.real), math.copysign(1, goal.imag))
+            )
         op.release(TURNING, TOGETHER)
         op.wait(30)
         op.log(op.next)

@@ -18,7 +18,7 @@ from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
 
 STILL = 1e-4
-"""An object that moves by less in a step is at rest, in metres."""
+"""Motion in a step below which an object is at rest, in metres."""
 STILL_TOOL = 5e-4
 """The same of a tool as measured: joints are noisy, and settle long after all else."""
 STILL_ANGLE = 1e-3
@@ -30,11 +30,12 @@ STILL_OPENING = 5e-3
 STILL_TARGET = 1e-4
 """The same of a commanded target, in radians or as an opening."""
 DRIFT = 10.0
-"""How often as far anything may move all through rows that are left out: objects 1 mm, 10 mrad."""
+"""Multiple of the motions above that adjacent rows left out may add up to: objects 1 mm, 10 mrad."""
 SEAM = 1e-4
-"""How much farther than ever in a step anything may go where rows are left out, in its units."""
+"""Excess over the longest step of the episode that a step across rows left out may have, in its
+units."""
 _PLACE = (STILL, 3)
-"""What counts as rest of an object's place, and how many numbers it has."""
+"""Rest of an object's place, and how many numbers it has."""
 _ROTATION = (STILL_ANGLE / 2, 4)
 """The same of a quaternion, whose numbers are those of half the angle."""
 _QPOS = 1
@@ -46,11 +47,11 @@ def idle_rows(
     task: str,
     span: Span,
 ) -> NDArray[np.bool_]:
-    """Which rows of some that follow each other are idle.
+    """Tell which rows of a span are idle, (rows,).
 
-    What is seen behind rows that are left out is, but for a small drift, what the last one that is
-    used led to, and no joint, place or rotation is farther from that one than a step leads it
-    somewhere in the episode. A slow motion keeps as many rows as that needs.
+    A row is idle if nobody leads, no judgement changes, and joints, tools, objects and targets are
+    still where the last used row left them, but for a small drift. No step from a used row to the
+    next one is longer than the longest step of the episode, so that a slow motion keeps some rows.
     """
     first, end = span
     poses, rests, counts = _poses(recording, task)
