@@ -30,7 +30,7 @@ STILL_OPENING = 5e-3
 STILL_TARGET = 1e-4
 """The same of a commanded target, in radians or as an opening."""
 DRIFT = 10.0
-"""Multiple of the motions above that adjacent rows left out may add up to: objects 1 mm, 10 mrad."""
+"""Multiple of the motions above that adjacent rows left out may add up to: 1 mm, 10 mrad."""
 SEAM = 1e-4
 """Excess over the longest step of the episode that a step across rows left out may have, in its
 units."""
