@@ -32,7 +32,6 @@ MOST_PRESSES = 60
 ARMS = {"1": Side.LEFT, "2": Side.RIGHT}
 Key = tuple[tuple[str, ...], Array]
 """Keys that are pressed together, and the axis in the table frame along or about which they do."""
-GRIPPERS = {"F": Side.LEFT, "J": Side.RIGHT}
 
 
 def seen(place: ArrayLike, exactly: float = SEEN) -> Array:
@@ -50,6 +49,17 @@ def _amounts(key: str) -> tuple[float, float]:
 
 
 CONTROLS = page_of("teleoperation_controls")
+GRIPPERS = dict(
+    zip(
+        next(
+            row["key"].split(", ")
+            for row in table(CONTROLS, "key")
+            if row["what it does"].startswith("the left, the right gripper")
+        ),
+        SIDES,
+        strict=True,
+    )
+)
 MOVE, TURN = _amounts("arrow keys"), _amounts("Shift with any of these")
 
 
