@@ -198,12 +198,11 @@ class ArmKinematics:
         diagonals += damping[:, None]
         low, high = self._bounds(start, dt, last)
         changes = np.zeros(start.shape)
-        for row in range(len(start)):
-            solution, _, outcome, _ = daqp.solve(
-                hessians[row], linear[row], _NO_ROWS, high[row], low[row]
-            )
+        programs = zip(hessians, linear, high, low, changes, strict=True)
+        for hessian, pulls, most, least, change in programs:
+            solution, _, outcome, _ = daqp.solve(hessian, pulls, _NO_ROWS, most, least)
             if outcome == OPTIMAL:
-                changes[row] = solution
+                change[:] = solution
         return changes
 
     def _bounds(
