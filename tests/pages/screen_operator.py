@@ -245,10 +245,13 @@ class ScreenOperator:
         x, y, width, height = self.scene
         self._middle = (x + width / 2, y + height / 2)
         self._is_old = True
+        self._pixels: dict[str, complex] = {}
         self._rings: dict[str, tuple[complex, float]] = {}
         self._mm_a_pixel = 1.3
-        self._yaws = dict.fromkeys(KEYS, 0.0)
-        self._pixels = {name: complex(guess) for name, guess in GUESS.items()}
+        self._yaws: dict[Side, float] = {}
+        self._leans: dict[Side, int] = {}
+        self._closed: set[Side] = set()
+        self.begin()
         self.log: Callable[[str], None] = lambda _line: None
         led.page.mouse.click(*self._middle)  # brings the scene into focus
         self.press("8")
@@ -340,6 +343,27 @@ class ScreenOperator:
     def grip(self, side: Side) -> None:
         """Close a gripper that is open, or open it."""
         self.press(KEYS[side][1], settled=GRIPPED)
+        self._closed ^= {side}
+
+    def begin(self) -> None:
+        """Another layout: hands are turned as at the start, and open."""
+        self._yaws = dict.fromkeys(KEYS, 0.0)
+        self._leans = dict.fromkeys(KEYS, 0)
+        self._closed = set()
+        self._pixels = {name: complex(guess) for name, guess in GUESS.items()}
+
+    def stand_up(self, side: Side) -> None:
+        """Open a hand, and have it look straight down."""
+        if side in self._closed:
+            self.grip(side)
+        self.choose(side)
+        self.lean(side, 0)
+
+    def lean(self, side: Side, pixels: int) -> None:
+        """Lean the hand that is led as a drag of so many pixels from above does."""
+        if pixels != self._leans[side]:
+            self.drag(complex(pixels - self._leans[side]), "Shift")
+        self._leans[side] = pixels
 
     def drag(self, way: complex, key: str | None = None, step: float = 25.0) -> None:
         """Drag the tool of the active arm, in pixels across and down."""
@@ -506,6 +530,17 @@ def turn_across(op: ScreenOperator, side: Side, thing: Thing, near: float) -> Se
     return seen
 
 
+def pass_on(op: ScreenOperator) -> bool:
+    """Take the white block and hand it to the other arm; whether the page says so."""
+    for _ in range(MOST_TRIES):
+        if take(op, Side.RIGHT, WHITE_BLOCK) and hand_over(op):
+            return True
+        for side in (Side.LEFT, Side.RIGHT):
+            op.stand_up(side)
+            op.sink(-LIFT_MM)
+    return False
+
+
 def hand_over(op: ScreenOperator) -> bool:
     """Hand what the right hand holds to the left one, in the air; whether the page says so.
 
@@ -520,12 +555,11 @@ def hand_over(op: ScreenOperator) -> bool:
         at, _radius = op.ring(giver)
         op.drag(middle + MEETING - at)
     goal_mm = (op.height_mm(giver) or 0) + FREE_END_MM
-    op.drag(complex(LEANS[giver]), "Shift")
+    op.lean(giver, LEANS[giver])
     op.log(f"held up: {op.ring(giver)}, {goal_mm} mm")
     op.choose(receiver)
     op.turn_to(receiver, math.pi / 2)
-    op.drag(complex(LEANS[receiver]), "Shift")
-    goal = op.next
+    op.lean(receiver, LEANS[receiver])
     for nearer in (0.0, 0.4, -0.4):
         beside(op, 6.0, 5.0)
         op.lower(receiver, goal_mm)
@@ -535,14 +569,14 @@ def hand_over(op: ScreenOperator) -> bool:
         op.log(f"at the end: {op.ring(giver)}, {op.ring(receiver)}, {op.height_mm(receiver)} mm")
         op.grip(receiver)
         op.log(op.next)
-        if op.next != goal:
+        if not op.next.startswith("Grasp"):
             break
         op.grip(receiver)
-        beside(op, 6.0, 4.0)
-    goal = op.next
-    op.grip(giver)
+        beside(op, 6.0, 5.0)
+    if op.next.startswith("Let go"):
+        op.grip(giver)
     op.log(op.next)
-    return op.next != goal
+    return op.next.startswith("Lower")
 
 
 def beside(op: ScreenOperator, radii: float, near: float) -> None:
