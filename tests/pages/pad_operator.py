@@ -219,7 +219,9 @@ class PadOperator(ScreenOperator):
             rough = max((rough + complex(a, b) for a in shifts for b in shifts), key=fit)
         return rough
 
-    def disc(self, mask: Mask, radius: float, height: float) -> complex:
+    def disc(
+        self, mask: Mask, radius: float, height: float, near: complex = 0j, reach: float = 1.0
+    ) -> complex:
         """Where the middle of a disc of a colour is, of which parts may be hidden."""
         pixels = radius * FOCUS * self._scene[3] / (EYE - height)
         size = math.ceil(pixels) + 6
@@ -227,8 +229,10 @@ class PadOperator(ScreenOperator):
         away = np.hypot(across, down)
         form = np.where(away < pixels, 1.0, np.where(away < pixels + 5, -2.0, 0.0))
         fit = signal.fftconvolve(mask.astype(float), form, mode="same")
-        row, column = np.unravel_index(int(fit.argmax()), fit.shape)
-        return self.place(complex(column, row), height)
+        down, across = np.indices(fit.shape)
+        places = self.place(across + 1j * down, height)
+        fit[abs(places - near) > reach] = -np.inf
+        return complex(places.flat[int(fit.argmax())])
 
     def lower(self, side: Side, height: float) -> None:
         """Lower a tool to a height above the table."""
@@ -263,7 +267,9 @@ def found_ring(marks: NDArray[np.float64], radius: float) -> complex:
     size = math.ceil(radius) + 4
     down, across = np.indices((2 * size + 1, 2 * size + 1)) - size
     away = np.hypot(across, down)
-    is_line = (np.abs(away - radius) < 1.5) | ((np.minimum(abs(across), abs(down)) < 1.5) & (away < radius))
+    is_line = (np.abs(away - radius) < 1.5) | (
+        (np.minimum(abs(across), abs(down)) < 1.5) & (away < radius)
+    )
     form = np.where(is_line, 1.0, np.where(away < radius + 3, -0.4, 0.0))
     fit = signal.fftconvolve(marks, form[::-1, ::-1], mode="same")
     row, column = np.unravel_index(int(fit.argmax()), fit.shape)
@@ -277,6 +283,7 @@ def carry_pot(op: PadOperator) -> None:
     """Take both handles of a pot, lift it, carry it to the stove, put it down and let go."""
     picture = op.scene()
     pot = op.disc(is_steel(picture), POT_RADIUS, POT_TOP)
+    stove = op.disc(is_burner(picture), BURNER, STOVE)
     axis = handles_of(op, picture, pot)
     op.log(f"pot at {1000 * pot:.0f} mm, handles {math.degrees(cmath.phase(axis)):.0f} degrees")
     op.squeeze(POT_OPENING, *SIDES)
@@ -290,17 +297,18 @@ def carry_pot(op: PadOperator) -> None:
     for side in SIDES:
         op.lower(side, HANDLE_HIGH)
     op.squeeze(0.0, *SIDES)
-    op.log(op.next)
     op.lead(*SIDES)
-    op.shift(0.0, 0.0, POT_LIFT)
+    op.log(f"{op.next} {op.height(Side.LEFT)} m")
+    for _ in range(2):  # it is heavy: hands give way
+        op.shift(0.0, 0.0, POT_LIFT - op.height(Side.LEFT))
+        op.wait(10)
     for _ in range(2):
-        picture = op.scene()
-        pot = op.disc(is_steel(picture), POT_RADIUS, POT_TOP + POT_LIFT)
-        stove = op.disc(is_burner(picture), BURNER, STOVE)
+        pot = op.disc(is_steel(op.scene()), POT_RADIUS, POT_TOP + POT_LIFT, pot, 0.04)
         way = stove - pot
         op.log(f"{op.next} {1000 * way:.0f} mm to the stove")
         op.shift(way.real, way.imag)
         op.wait(10)
+        pot = stove
     for _ in range(2):
         op.shift(0.0, 0.0, -op.height(Side.LEFT))
         op.wait(10)
@@ -514,7 +522,9 @@ class MazePlayer:
             self.run(plan[0], ball)
         goal = complex(*centre(board.maze.goal))
         for _ in range(12):
-            self.towards(STEEP / 2 * complex(math.copysign(1, goal.real), math.copysign(1, goal.imag)))
+            self.towards(
+                STEEP / 2 * complex(math.copysign(1, goal.real), math.copysign(1, goal.imag))
+            )
         op.release(TURNING, TOGETHER)
         op.wait(30)
         op.log(op.next)
