@@ -37,6 +37,8 @@ EASE = 8
 BARELY = 0.004
 EYE, FOCUS = 1.148, 1.217
 """Of the camera above: its height over the table in metres, and its focus by the picture's height."""
+LEAN = 0.348
+"""Radians by which hands lean at the start: the camera at a hand sees what lies before it."""
 RING = 0.03
 """Radius in metres of the rings that are drawn."""
 NEAR = 0.002
@@ -46,6 +48,15 @@ what is inside it."""
 NEARER = 4
 """Steps that the camera goes towards the table."""
 GRIPPED = 30
+POT_RADIUS, POT_TOP = 0.110, 0.092
+"""Of the pot's rim, in metres."""
+HANDLE, HANDLE_HIGH, HANDLE_HALF = 0.150, 0.085, 0.042
+"""How far handles are from the pot's middle, how high, and half of how wide they are."""
+BURNER, STOVE = 0.105, 0.020
+"""Radius of the burner, and how high the stove is."""
+ABOVE_HANDLE, POT_LIFT, POT_OPENING = 0.10, 0.08, 0.45
+HIGH = 0.546
+"""Metres of the tools above the table at the start."""
 CLOCK = """{
   const clock = performance.now.bind(performance);
   let [before, shown, left] = [clock(), clock(), 1000];
@@ -76,7 +87,7 @@ class PadOperator(ScreenOperator):
         super().__init__(led)
         self.sides: tuple[Side, ...] = ()
         self.press("+", NEARER)
-        self.high = {side: self.height(side) for side in SIDES}
+        self.high = dict.fromkeys(SIDES, HIGH)
         """Metres of each tool above the table, as far as is known."""
 
     def lead(self, *sides: Side) -> None:
@@ -131,6 +142,13 @@ class PadOperator(ScreenOperator):
     def tilt(self, right: float, away: float) -> None:
         """Turn both tools as one thing, so that it goes down to the right or away by radians."""
         self.push_by([right, -away, 0.0, 0.0], TURN, TURNING, TOGETHER)
+
+    def straighten(self) -> None:
+        """Turn both hands so that their fingers point straight down, which lean at the start."""
+        for side in SIDES:
+            self.lead(side)
+            self.push_by([0.0, -LEAN, 0.0, 0.0], TURN, TURNING)
+        self.wait(10)
 
     def keep(self) -> None:
         """Press Start."""
@@ -201,22 +219,28 @@ class PadOperator(ScreenOperator):
             rough = max((rough + complex(a, b) for a in shifts for b in shifts), key=fit)
         return rough
 
-    def lower(self, side: Side, height: float, *steps: float) -> None:
-        """Lower a tool over the table to a height above it, by what it says it is above something.
+    def disc(
+        self, mask: Mask, radius: float, height: float, near: complex = 0j, reach: float = 1.0
+    ) -> complex:
+        """Where the middle of a disc of a colour is, of which parts may be hidden."""
+        pixels = radius * FOCUS * self._scene[3] / (EYE - height)
+        size = math.ceil(pixels) + 6
+        down, across = np.indices((2 * size + 1, 2 * size + 1)) - size
+        away = np.hypot(across, down)
+        form = np.where(away < pixels, 1.0, np.where(away < pixels + 5, -2.0, 0.0))
+        fit = signal.fftconvolve(mask.astype(float), form, mode="same")
+        down, across = np.indices(fit.shape)
+        places = self.place(across + 1j * down, height)
+        fit[abs(places - near) > reach] = -np.inf
+        return complex(places.flat[int(fit.argmax())])
 
-        Steps are how high things are that it may be above.
-        """
+    def lower(self, side: Side, height: float) -> None:
+        """Lower a tool to a height above the table."""
         self.lead(side)
-        for _ in range(2):
-            shown = self.height(side)
-            above = min(
-                (shown + step for step in (0.0, *steps)), key=lambda z: abs(z - self.high[side])
-            )
-            self.log(f"{side.name}: {1000 * above:.0f} mm high")
-            if abs(height - above) > 0.002:
-                self.shift(0.0, 0.0, height - above)
-                self.high[side] = height
-                self.wait(10)
+        self.shift(0.0, 0.0, height - self.high[side])
+        self.high[side] = height
+        self.wait(10)
+        self.log(f"{side.name}: {1000 * self.height(side):.0f} of {1000 * height:.0f} mm")
 
     def bring(self, side: Side, goal: complex, tries: int = 2) -> None:
         """Move a tool until the ring below it is at a place."""
@@ -252,15 +276,81 @@ def found_ring(marks: NDArray[np.float64], radius: float) -> complex:
     return complex(column, row)
 
 
+# ------------------------------------------------------------------- the pot
+
+
+def carry_pot(op: PadOperator) -> None:
+    """Take both handles of a pot, lift it, carry it to the stove, put it down and let go."""
+    picture = op.scene()
+    pot = op.disc(is_steel(picture), POT_RADIUS, POT_TOP)
+    stove = op.disc(is_burner(picture), BURNER, STOVE)
+    axis = handles_of(op, picture, pot)
+    op.log(f"pot at {1000 * pot:.0f} mm, handles {math.degrees(cmath.phase(axis)):.0f} degrees")
+    op.squeeze(POT_OPENING, *SIDES)
+    op.straighten()
+    places = {side: pot - side.sign * HANDLE * axis for side in SIDES}
+    for side in SIDES:
+        op.bring(side, places[side], tries=1)
+        op.yaw(cmath.phase(axis))
+        op.lower(side, HANDLE_HIGH + ABOVE_HANDLE)
+        op.bring(side, places[side])
+    for side in SIDES:
+        op.lower(side, HANDLE_HIGH)
+    op.squeeze(0.0, *SIDES)
+    op.lead(*SIDES)
+    op.log(f"{op.next} {op.height(Side.LEFT)} m")
+    for _ in range(2):  # it is heavy: hands give way
+        op.shift(0.0, 0.0, POT_LIFT - op.height(Side.LEFT))
+        op.wait(10)
+    for _ in range(2):
+        pot = op.disc(is_steel(op.scene()), POT_RADIUS, POT_TOP + POT_LIFT, pot, 0.04)
+        way = stove - pot
+        op.log(f"{op.next} {1000 * way:.0f} mm to the stove")
+        op.shift(way.real, way.imag)
+        op.wait(10)
+        pot = stove
+    for _ in range(2):
+        op.shift(0.0, 0.0, -op.height(Side.LEFT))
+        op.wait(10)
+        op.log(f"{op.height(Side.LEFT)} m over the stove")
+    op.squeeze(POT_OPENING, *SIDES)
+    op.wait(30)
+    op.log(op.next)
+
+
+def is_steel(picture: Picture) -> Mask:
+    """The pixels of a pot, also in the shade."""
+    high = picture.max(axis=2)
+    return (high - picture.min(axis=2) < 20) & (high > 90)
+
+
+def is_burner(picture: Picture) -> Mask:
+    """The pixels of a stove's burner, also in the shade."""
+    red, green, blue = (picture[..., i] for i in range(3))
+    return (red - green > 25) & (red - blue > 25) & (red < 160)
+
+
+def handles_of(op: PadOperator, picture: Picture, pot: complex) -> complex:
+    """The direction, right and away, from a pot's middle to its right handle."""
+    is_dark = ndimage.gaussian_filter((picture.max(axis=2) < 70).astype(float), 0.7)
+    bar = HANDLE + 1j * np.linspace(-HANDLE_HALF, HANDLE_HALF, 20)
+    stays = np.linspace(POT_RADIUS + 0.01, HANDLE, 8)
+    form = np.concatenate([bar, stays - 1j * HANDLE_HALF, stays + 1j * HANDLE_HALF])
+
+    def fit(angle: float) -> float:
+        seen = op.pixel(pot + np.concatenate([form, -form]) * cmath.exp(1j * angle), HANDLE_HIGH)
+        return float(ndimage.map_coordinates(is_dark, [seen.imag, seen.real], order=1).mean())
+
+    return cmath.exp(1j * max(np.radians(np.arange(-60, 61, 1.0)), key=fit))
+
+
 # ------------------------------------------------------------------ the maze
 
 OPENING = 0.32
-GRIP, GRIP_HIGH = 0.145, 0.023
-"""How far grips are from the board's middle, and how high they are."""
+GRIP = 0.145
+"""How far grips are from the board's middle."""
 ABOVE, GRASP, LIFT = 0.11, 0.030, 0.07
 """Heights of the tools above the table, and how far the board is lifted."""
-TRY = 0.06
-"""Radians by which it is tilted to see which way it slopes."""
 STEEP = 0.13
 """Radians of a run."""
 STEP = 3
@@ -392,23 +482,24 @@ class MazePlayer:
         """How far the board is tilted down to the right and away, in radians, as was pushed."""
 
     def play(self) -> None:
+        """Play to the end."""
         self.take()
-        self.level()
         self.solve()
 
     def take(self) -> None:
         """Grasp both grips, lift, and bring the board below the eye."""
         op, board = self._op, self._board
         op.squeeze(OPENING, *SIDES)
+        op.straighten()
         places = {side: board.at(-side.sign * GRIP, 0.0) for side in SIDES}
         for side in SIDES:
             op.bring(side, places[side], tries=1)
             op.yaw(cmath.phase(board.axis))
-            op.lower(side, ABOVE, GRIP_HIGH)
+            op.lower(side, ABOVE)
         for side in SIDES:
             op.bring(side, places[side])
         for side in SIDES:
-            op.lower(side, GRASP, GRIP_HIGH)
+            op.lower(side, GRASP)
         for side in SIDES:
             op.squeeze(0.0, side)
         op.log(op.next)
@@ -418,25 +509,6 @@ class MazePlayer:
         board.middle = 0j
         board.height += LIFT
         op.wait(10)
-
-    def level(self) -> None:
-        """Tilt it to both sides along each of its axes: level is in the middle of equal heights."""
-        op, axis = self._op, self._board.axis
-        for _ in range(2):
-            for along in (axis, 1j * axis):
-                heights = []
-                for tilt in (-TRY, 2 * TRY):
-                    op.tilt((tilt * along).real, (tilt * along).imag)
-                    op.wait(8)
-                    heights.append(op.height(Side.LEFT))
-                off = (heights[0] - heights[1]) / (2 * GRIP)
-                off = max(-TRY, min(TRY, off))
-                back = -(TRY + off) * along
-                op.tilt(back.real, back.imag)
-                op.wait(8)
-                op.log(f"heights {heights}, was off by {off:.3f}")
-        op.log(f"{op.height(Side.LEFT)} m")
-        self._slope = 0j
 
     def solve(self) -> None:
         """Let the ball roll run by run until it lies in the red corner."""
