@@ -81,9 +81,10 @@ def run(
             "--instruction goes with one task; type those of a plan on the page."
         )
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
-        led_by, actor = leading.open(ending, robot_with(gripper))
         tasks = find_tasks(wanted.tasks)
-        source = leading.find_policy(partial(find_policy, tasks=tasks), ending)
+        led_by = leading.open(
+            ending, partial(find_policy, tasks=tasks), robot_with(gripper)
+        )
 
         def make(task: str, actor: Actor) -> Teleoperation:
             """Make the session of a task that an actor leads."""
@@ -91,24 +92,23 @@ def run(
                 task,
                 out,
                 actor,
-                action_mode=led_by.action_mode,
-                metadata=None if source is None else source.metadata,
-                time_limit_s=leading.limit,
                 look=look,
                 gripper=gripper,
+                **led_by.recorder_settings,
             )
             return Teleoperation(
                 recorder,
-                led_by,
+                led_by.device,
                 episodes=wanted.layouts,
                 times=wanted.times,
                 tasks=wanted.ids,
-                policy=leading.play(source, recorder),
-                **leading.settings,
+                **led_by.session_settings(recorder),
             )
 
         data = DataSet.open(out, own_tasks=catalog.import_paths(wanted.tasks))
-        sessions = ending.enter_context(PlannedSessions(wanted, data, make, actor))
+        sessions = ending.enter_context(
+            PlannedSessions(wanted, data, make, led_by.actor)
+        )
         session = sessions.next()
         times = ""
         if session is not None:

@@ -147,7 +147,7 @@ def test_where_the_solver_finds_nothing_the_arms_stay(
 def test_a_step_is_what_mink_finds_with_its_own_tasks(*, with_before: bool) -> None:
     rng = np.random.default_rng(6)
     model = kinematic_model(Side.LEFT, ROBOT)
-    configuration, arm = mink.Configuration(model), ArmKinematics(Side.LEFT)
+    configuration, arm = mink.Configuration(model), ArmKinematics(Side.LEFT, ROBOT)
     tool = mink.FrameTask(tcp_name(Side.LEFT), "site", 1.0, 0.3, lm_damping=0.1)
     posture = mink.PostureTask(model, cost=5e-3, gain=0.05)
     inertia = mink.PostureTask(model, cost=0.02)
@@ -161,8 +161,8 @@ def test_a_step_is_what_mink_finds_with_its_own_tasks(*, with_before: bool) -> N
         inertia.set_target(start + last)
         tasks = [tool, posture, inertia] if with_before else [tool, posture]
         speed = mink.solve_ik(configuration, tasks, DT, "daqp", damping=1e-5, limits=[])
-        before = start - last if with_before else None
-        found = arm.step(start, goal, DT, HOME_JOINTS[0], before)
+        before = (start - last)[None] if with_before else None
+        found = arm.step(start[None], [goal], DT, HOME_JOINTS[0], before)[0]
         assert np.abs(found - start - speed * DT).max() < 1e-9
 
 
