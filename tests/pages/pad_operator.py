@@ -17,8 +17,17 @@ from scipy import ndimage, signal
 
 from duobench.core.types import SIDES, Side
 from duobench.world.objects.mazes import CELLS, Cell, Direction, Maze, Segment
+from tests.pages import screen_operator
 from tests.pages.leading import Led
-from tests.pages.screen_operator import DRAWN, HEARD_MS, PERIOD_MS, Mask, Picture, ScreenOperator
+from tests.pages.screen_operator import (
+    DRAWN,
+    HEARD_MS,
+    MOST_WAITS,
+    PERIOD_MS,
+    Mask,
+    Picture,
+    ScreenOperator,
+)
 
 DEAD = 0.15
 """What a stick at rest may show."""
@@ -36,7 +45,7 @@ EASE = 8
 """Messages in which a stick is barely pushed still: a tool that is let go stops where it is."""
 BARELY = 0.004
 EYE, FOCUS = 1.148, 1.217
-"""Of the camera above: its height over the table in metres, and its focus by the picture's height."""
+"""Of the camera above: metres over the table, and its focus by the height of its picture."""
 LEAN = 0.348
 """Radians by which hands lean at the start: the camera at a hand sees what lies before it."""
 RING = 0.03
@@ -57,20 +66,7 @@ BURNER, STOVE = 0.105, 0.020
 ABOVE_HANDLE, POT_LIFT, POT_OPENING = 0.10, 0.08, 0.45
 HIGH = 0.546
 """Metres of the tools above the table at the start."""
-CLOCK = """{
-  const clock = performance.now.bind(performance);
-  let [before, shown, left] = [clock(), clock(), 1000];
-  window.pass_time = (ms) => { left += ms; };
-  window.time_left = () => left;
-  performance.now = () => {
-    const next = clock();
-    const passed = Math.min(4 * (next - before), 8, left);
-    before = next;
-    shown += passed;
-    left -= passed;
-    return shown;
-  };
-}"""
+CLOCK = screen_operator.CLOCK.replace("{", "{ window.time_left = () => left;", 1)
 """The same clock as `screen_operator` has, which says whether all that was granted has passed."""
 
 
@@ -150,10 +146,15 @@ class PadOperator(ScreenOperator):
             self.push_by([0.0, -LEAN, 0.0, 0.0], TURN, TURNING)
         self.wait(10)
 
-    def keep(self) -> None:
-        """Press Start."""
-        self._push(KEEP, 1)
-        self._go(3)
+    def keep(self) -> bool:
+        """Wait until the page asks, and press Start; whether it did ask."""
+        for _ in range(MOST_WAITS):
+            if "Keep or discard?" in self._words:
+                self._push(KEEP, 1)
+                self._go(3)
+                return True
+            self.wait(GRIPPED)
+        return False
 
     def _go(self, messages: int) -> None:
         """Let exactly the time of so many messages pass: sticks lead on as long as it does."""
