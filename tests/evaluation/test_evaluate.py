@@ -23,6 +23,7 @@ from duobench.results.run import Resuming, TimeLimits
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import assert_same_episodes, compared, small_suite, without_policy
+from tests.quick_first import quick_first
 from tests.results.samples import key
 
 
@@ -155,7 +156,7 @@ def test_impossible_time_limit_is_refused(limits):
         TimeLimits(**limits)
 
 
-@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("workers", quick_first([0, 1]))
 def test_there_may_be_no_time_limit(play, workers):
     limits = TimeLimits(act_timeout=float("inf"), episode_timeout=float("inf"))
     folder, results = play("hold", episodes=1, limits=limits, workers=workers)
