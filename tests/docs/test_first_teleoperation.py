@@ -139,7 +139,7 @@ def test_the_first_example_can_be_done_as_its_page_says(tmp_path: Path, layout: 
             act(keys, step)
             assert step.stage in {None, session.status()["stage"]}, act
         assert session.state is TeleopState.DECIDE
-        keys.press("Y")
+        keys.press("Enter")
         session.receive(Keep(), 0.0)
         session.advance(0.0)
         assert session.state is TeleopState.OVER

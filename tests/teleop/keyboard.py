@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 from duobench.core.spatial import SE3, length, product, rotation_by, rotation_vector
 from duobench.core.types import CONTROL_HZ, SIDES, Array, Side
 from duobench.envs.sim_env import sim_of
+from duobench.teleop.teleop_page import LEADING_VIEW
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
-from duobench.web.geometry import Geometry
+from duobench.web.shading import as_camera
 from tests.docs.markdown import page_of, table
 from tests.teleop.operator import hand, message, said
 
@@ -31,7 +32,6 @@ MOST_PRESSES = 60
 ARMS = {"1": Side.LEFT, "2": Side.RIGHT}
 Key = tuple[tuple[str, ...], Array]
 """Keys that are pressed together, and the axis in the table frame along or about which they do."""
-GRIPPERS = {"F": Side.LEFT, "J": Side.RIGHT}
 
 
 def seen(place: ArrayLike, exactly: float = SEEN) -> Array:
@@ -49,6 +49,17 @@ def _amounts(key: str) -> tuple[float, float]:
 
 
 CONTROLS = page_of("teleoperation_controls")
+GRIPPERS = dict(
+    zip(
+        next(
+            row["key"].split(", ")
+            for row in table(CONTROLS, "key")
+            if row["what it does"].startswith("the left, the right gripper")
+        ),
+        SIDES,
+        strict=True,
+    )
+)
 MOVE, TURN = _amounts("arrow keys"), _amounts("Shift with any of these")
 
 
@@ -60,7 +71,7 @@ class Keyboard:
         self._known: set[str] = set()
         env = sim_of(session.env)
         self.simulation, self._backend = env.simulation, env.backend
-        camera = Geometry(env.simulation.model, env.look).header["camera"]
+        camera = as_camera(LEADING_VIEW)
         forward = np.subtract(camera["target"], camera["eye"])
         forward /= length(forward)
         z = np.array([0.0, 0.0, 1.0])

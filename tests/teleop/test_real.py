@@ -386,6 +386,9 @@ def test_solved_is_taken_back(tmp_path: Path) -> None:
     for _ in range(15):
         bench.send(1.0, 0.03)
     assert bench.session.state is TeleopState.RECORDING
+    bench.duo.hold(HELD_BY_OPERATOR)
+    bench.send(1.0)
+    assert bench.session.state is TeleopState.DECIDE  # it was to be kept because it was solved
     bench.say("discard")
     bench.session.close()
     assert DataSet(tmp_path).episodes() == []

@@ -73,9 +73,9 @@ def hypot(*parts: Any) -> Any:
     return np.asarray(lengths, dtype=np.float64)
 
 
-def matrix_from_wxyz(wxyz: ArrayLike) -> Array:
+def matrix_from_wxyz(wxyz: Iterable[float]) -> Array:
     """Rotation matrix (3, 3) of a unit quaternion in w x y z order."""
-    w, x, y, z = np.asarray(wxyz).tolist()
+    w, x, y, z = map(float, wxyz)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -144,13 +144,15 @@ class SE3:
         return SE3(rotation_about(axis, angle))
 
     @staticmethod
-    def from_wxyz(wxyz: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> SE3:
+    def from_wxyz(
+        wxyz: Iterable[float], translation: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> SE3:
         """Transform from a quaternion (4,) in w x y z order, normalized here, and a position.
 
         Raises:
             ValueError: The quaternion has no length, so it names no orientation.
         """
-        quat = np.asarray(wxyz, dtype=np.float64).tolist()
+        quat = [float(part) for part in wxyz]
         norm = math.sqrt(sum_of_products(quat, quat))
         if not norm > 0.0:
             raise ValueError(f"A quaternion of length {norm:g} names no orientation.")

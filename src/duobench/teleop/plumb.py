@@ -49,6 +49,14 @@ class PlumbLines:
             }
             for prop in sim.props
         }
+        self._rigid = {
+            name: [
+                name,
+                *(prop.part_name(part.name) for part in prop.parts if not part.hinge),
+            ]
+            for name, prop in sim.props.items()
+            if not prop.fixed
+        }
         self._ignored: set[int] = set()
         if not has_objects:
             self._ignored = set().union(*self._props.values())
@@ -75,14 +83,13 @@ class PlumbLines:
         return [x, y, z, x, y, max(start, below), max(start - below, 0.0)]
 
     def _held(self, side: Side) -> list[str]:
-        """The free props that a gripper holds."""
+        """The free props that a gripper holds, at any part that does not turn on them."""
         if self._ignored:
             return []
-        contacts = self._sim.contacts
         return [
             name
-            for name, prop in self._sim.props.items()
-            if not prop.fixed and contacts.grasped(side, name)
+            for name, bodies in self._rigid.items()
+            if any(self._sim.contacts.grasped(side, body) for body in bodies)
         ]
 
     def _below(

@@ -558,7 +558,9 @@ class Teleoperation:
         if terminated or truncated:
             self._end(self._why_over(info))
         elif self._state is TeleopState.SUCCESS and not info["success"]:
-            self._state, self.note = TeleopState.RECORDING, ""  # it was taken back
+            # It was taken back, and with it the word that it is kept.
+            self._state, self.note = TeleopState.RECORDING, ""
+            self._is_kept = False
         elif info["success"] and self._state is TeleopState.RECORDING:
             self._state, self.note = TeleopState.SUCCESS, RETREAT
 

@@ -65,7 +65,7 @@ from duobench.teleop.panel import (
     Panel,
 )
 from duobench.teleop.plumb import PlumbLines
-from duobench.teleop.teleop_page import TeleopPage
+from duobench.teleop.teleop_page import LEADING_VIEW, TeleopPage
 from duobench.teleop.teleoperation import (
     TIME_LIMIT_S,
     TITLES,
@@ -510,7 +510,7 @@ class RigTeleopPage(TeleopPage):
         layout = self._rig_session.layout
         if layout.poses:
             self._picture.apply(layout)
-        return Geometry(self._picture.model)
+        return Geometry(self._picture.model, view=LEADING_VIEW)
 
     def _new_lines(self) -> PlumbLines:
         """Lines to the table: where objects really are is not known."""
