@@ -122,6 +122,7 @@ def test_policy_that_cannot_play_ends_the_run_with_the_same_error(
         play(policy, workers=workers)
 
 
+@pytest.mark.slow
 def test_broken_episodes_are_played_again_if_that_is_asked_for(play, reference):
     folder, results = play("BreaksOnce")
     assert results.overall.errors == 4
@@ -201,6 +202,7 @@ def test_look_is_that_of_environment_video_and_record(play, workers):
         assert 1.3 * brightness[0] < brightness[1]
 
 
+@pytest.mark.slow
 def test_depth_parts_and_a_camera_of_ones_own_go_from_policy_to_record_and_page(play, monkeypatch):
     """What is seen is played, recorded, verified, shown in a video that can be made again."""
     folder, results = play("Measures", episodes=1, videos=1)

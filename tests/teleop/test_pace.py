@@ -61,6 +61,7 @@ def test_after_a_hand_let_go_the_world_goes_on_until_all_was_at_rest_for_a_while
     assert steps(pace, MINUTE) == QUIET
 
 
+@pytest.mark.slow
 def test_what_never_rests_is_waited_for_no_longer_than_three_seconds() -> None:
     pace = Pace()
     assert turn(pace, leads=True)

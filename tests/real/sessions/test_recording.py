@@ -165,6 +165,7 @@ def test_the_same_session_records_the_same(tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
+@pytest.mark.slow
 def test_a_session_goes_on_where_it_ended(tmp_path: Path) -> None:
     with session(tmp_path, Script("hpkq"), episodes=3) as recording:
         assert recording.run() == 1
