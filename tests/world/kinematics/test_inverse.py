@@ -155,13 +155,14 @@ def test_a_step_is_what_mink_finds_with_its_own_tasks(*, with_before: bool) -> N
         last = 1e-3 * rng.normal(size=ARM_JOINTS)
         goal = arm.forward(start).moved(*2e-3 * rng.normal(size=3))
         configuration.update(start)
-        tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
+        pose = np.concatenate([goal.wxyz, goal.translation])
+        tool.set_target(mink.SE3(pose))
         posture.set_target(HOME_JOINTS[0])
         inertia.set_target(start + last)
         tasks = [tool, posture, inertia] if with_before else [tool, posture]
         speed = mink.solve_ik(configuration, tasks, DT, "daqp", damping=1e-5, limits=[])
         before = (start - last)[None] if with_before else None
-        found = arm.step(start[None], [goal], DT, HOME_JOINTS[0], before)[0]
+        found = arm.step(start[None], [pose], DT, HOME_JOINTS[0], before)[0]
         assert np.abs(found - start - speed * DT).max() < 1e-9
 
 
