@@ -218,7 +218,7 @@ class CartesianActions(ActionModeWrapper):
 
     def __init__(self, env: gym.Env) -> None:
         super().__init__(env)
-        self.kinematics = Kinematics()
+        self.kinematics = Kinematics(self.base.backend.robot)
         """The solver, for wrappers outside this one."""
 
     def check_action(self, action: Any) -> Array:

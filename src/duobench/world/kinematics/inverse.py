@@ -26,8 +26,8 @@ from duobench.core.types import (
     Array,
     Side,
 )
-from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
-from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.robot.frames import Robot
+from duobench.world.robot.joints import VELOCITY_LIMITS
 from duobench.world.scene.naming import tcp_name
 
 if TYPE_CHECKING:
@@ -75,36 +75,39 @@ SHORTENINGS = 5
 OPTIMAL = 1
 """Status of DAQP for a found solution."""
 
-_WRIST_IN_TOOL = LINK7_FROM_TCP.inverse().translation.tolist()
-_SHOULDERS = {side: shoulder.tolist() for side, shoulder in SHOULDERS.items()}
 _NO_ROWS = np.zeros((0, ARM_JOINTS))
 """No limits but bounds of the joints themselves."""
 
 
 def within_reach(
+    robot: Robot,
     side: Side,
     tool: SE3,
     reach: float = REACH,
 ) -> SE3:
     """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
+    wrist = robot.link7_from_tcp.inverse().translation.tolist()
+    shoulder = robot.shoulders[side].tolist()
     position = tool.translation.tolist()
-    nearer = _within_reach(side, tool.rotation.tolist(), position, reach)
+    nearer = _within_reach(wrist, shoulder, tool.rotation.tolist(), position, reach)
     return tool if nearer is position else SE3(tool.rotation, np.array(nearer))
 
 
 def _within_reach(
-    side: Side,
+    wrist: list[float],
+    shoulder: list[float],
     rotation: list[list[float]],
     position: list[float],
     reach: float = REACH,
 ) -> list[float]:
-    """`within_reach` in Python's floats: the position of the tool alone, the same if it is."""
-    wx, wy, wz = _WRIST_IN_TOOL
+    """`within_reach` in Python's floats: the position of the tool alone, the same if it is.
+
+    The wrist is given in the tool's frame, the shoulder in the table's.
+    """
+    wx, wy, wz = wrist
     away = [
-        x * wx + y * wy + z * wz + place - shoulder
-        for (x, y, z), place, shoulder in zip(
-            rotation, position, _SHOULDERS[side], strict=True
-        )
+        x * wx + y * wy + z * wz + place - origin
+        for (x, y, z), place, origin in zip(rotation, position, shoulder, strict=True)
     ]
     distance = math.sqrt(sum_of_products(away, away))
     excess = distance - reach
@@ -116,27 +119,23 @@ def _within_reach(
     ]
 
 
-def _goal(side: Side, rotation: list[list[float]], position: list[float]) -> Array:
-    """A tool pose within reach as `mink` takes it (7,): quaternion w x y z, and position."""
-    nearer = _within_reach(side, rotation, position)
-    return np.array([*wxyz_from_rows(rotation), *nearer])
-
-
 class ArmKinematics:
     """Solves for the joints of one arm; holds no state between calls."""
 
-    def __init__(self, side: Side) -> None:
+    def __init__(self, side: Side, robot: Robot) -> None:
         # mink brings MuJoCo and SciPy, which joint actions do without.
         import mink
 
         from duobench.world.scene.arms import kinematic_model
 
-        model = kinematic_model(side)
+        model = kinematic_model(side, robot)
         model.jnt_range += (LIMIT_MARGIN, -LIMIT_MARGIN)
         model.jnt_range[ELBOW, 1] = STRAIGHT
         self._low, self._high = model.jnt_range.T
         self._ends = np.array([[self._low], [self._high]])
         self._side = side
+        self._wrist = robot.link7_from_tcp.inverse().translation.tolist()
+        self._shoulder = robot.shoulders[side].tolist()
         self._configuration = mink.Configuration(model)
         self._tool = mink.FrameTask(
             tcp_name(side),
@@ -207,6 +206,11 @@ class ArmKinematics:
         moved[rows] = start[rows]
         return moved
 
+    def goal(self, rotation: list[list[float]], position: list[float]) -> Array:
+        """A tool pose within reach as `mink` takes it (7,): quaternion w x y z, and position."""
+        nearer = _within_reach(self._wrist, self._shoulder, rotation, position)
+        return np.array([*wxyz_from_rows(rotation), *nearer])
+
     def _error(self, joints: Array, goal: mink.SE3) -> Array:
         """Error (6,) of the tool at joint positions (7,), to which the model is brought."""
         self._tool.transform_target_to_world = goal
@@ -269,8 +273,10 @@ def _objective(tools: Array, from_posture: Array) -> Array:
 class Kinematics:
     """Solves for joint targets that bring the tools towards poses; holds no state between calls."""
 
-    def __init__(self) -> None:
-        self._arms = {side: ArmKinematics(side) for side in SIDES}
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        """Arms whose joints it solves for."""
+        self._arms = {side: ArmKinematics(side, robot) for side in SIDES}
 
     def forward(self, joints: Array) -> dict[Side, SE3]:
         """Tool poses in the table frame at joint positions (2, 7)."""
@@ -282,7 +288,7 @@ class Kinematics:
         targets: Mapping[Side, SE3],
         *,
         dt: float = 1.0 / CONTROL_HZ,
-        posture: Array = HOME_JOINTS,
+        posture: Array | None = None,
         before: Array | None = None,
     ) -> Array:
         """One step towards tool poses, within joint ranges and velocity limits.
@@ -296,16 +302,20 @@ class Kinematics:
                 keep to, an arm starts at the nearest position within.
             targets: Tool pose wanted for each side; a side that is missing stays.
             dt: Duration of the step in seconds.
-            posture: Joint positions (2, 7) that the redundant joint is attracted to.
+            posture: Joint positions (2, 7) that the redundant joint is attracted to; home where
+                none are given.
             before: Where the arms were one step earlier (2, 7), in radians.
 
         Returns:
             Joint targets (2, 7), whole multiples of 1 / `GRID` for the sides that have a target.
         """
         goals = {
-            side: [_goal(side, pose.rotation.tolist(), pose.translation.tolist())]
+            side: [
+                self._arms[side].goal(pose.rotation.tolist(), pose.translation.tolist())
+            ]
             for side, pose in targets.items()
         }
+        posture = self.robot.home if posture is None else posture
         start = np.array(joints, dtype=np.float64)[None]
         earlier = None if before is None else before[None]
         return self._step(start, goals, dt, posture, earlier)[0]
@@ -317,9 +327,9 @@ class Kinematics:
             goals[side] = []
             for x, y, z, qx, qy, qz, qw in poses[:, side.index].tolist():
                 rotation = rows_from_wxyz(unit_quaternion((qw, qx, qy, qz)))
-                goals[side].append(_goal(side, rotation, [x, y, z]))
+                goals[side].append(self._arms[side].goal(rotation, [x, y, z]))
         start = np.array(joints, dtype=np.float64)
-        return self._step(start, goals, 1.0 / CONTROL_HZ, HOME_JOINTS, None)
+        return self._step(start, goals, 1.0 / CONTROL_HZ, self.robot.home, None)
 
     def _step(
         self,
