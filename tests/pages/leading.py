@@ -24,11 +24,14 @@ from tests.teleop.paging import lockstep_session
 SHOWN = 10
 """Turns after which the page is shown where everything is: without a graphics card it has little
 time for anything else."""
-LONGEST_S = 540
-"""Seconds that an episode may take on a slow machine."""
 TIME_LIMIT_S = 1800.0
-"""Simulated seconds that it may take. While a browser without a graphics card draws and the program
-waits for it, the page goes on to send sixty messages a second, each of which is a control step."""
+"""Simulated seconds that an episode may take. While a browser without a graphics card draws and the
+program waits for it, the page goes on to send sixty messages a second, each of which is a control
+step."""
+MOST_TURNS = 80_000
+"""Turns that it may take, however slow the machine is."""
+MOST_SILENT_S = 120
+"""Seconds in which a page that drives says something."""
 
 
 class Led:
@@ -45,12 +48,13 @@ class Led:
         self._live, self._turns = TeleopPage(session, server), 0
         self.show = self._live.show
         self._give = server.on_message
-        self._end = time.monotonic() + LONGEST_S
+        self._heard = time.monotonic()
         server.on_message = self._take
 
     def turn(self, wait_s: float = 1.0) -> None:
         """One turn of the session's loop."""
-        assert time.monotonic() < self._end, self.session.status()
+        assert self._turns < MOST_TURNS, self.session.status()
+        assert time.monotonic() - self._heard < MOST_SILENT_S, self.session.status()
         self.session.wait(wait_s)
         self.session.advance(time.monotonic())
         self._turns += 1
@@ -63,9 +67,9 @@ class Led:
         while len(self.samples) <= last or (self._executed_s < self._arrivals[last]):
             self.turn()
 
-    def grant(self, seconds: float) -> None:
-        """Give a slow machine more time for the next episode."""
-        self._end = time.monotonic() + seconds
+    def begin(self) -> None:
+        """Begin to count the turns of the next episode."""
+        self._turns = 0
 
     def cut(self) -> None:
         """Cut the connection of who drives, as a network does: nobody says goodbye."""
@@ -80,7 +84,8 @@ class Led:
 
     def _take(self, message: Message) -> str | None:
         if isinstance(message, Hands):
-            self._arrivals.append(time.monotonic())
+            self._heard = time.monotonic()
+            self._arrivals.append(self._heard)
             self.samples.append(to_builtins(message))
         return self._give(message)
 

@@ -15,7 +15,8 @@ import numpy as np
 from duobench.core.spatial import SE3, length, product, rotation_vector
 from duobench.core.types import Array, Side
 from duobench.envs.sim_env import sim_of
-from duobench.web.geometry import Geometry
+from duobench.teleop.teleop_page import LEADING_VIEW
+from duobench.web.shading import as_camera
 from tests.pages.leading import Led
 
 NEAR, NEAR_TURN = 0.002, 0.015
@@ -45,7 +46,7 @@ class MouseOperator:
         self._led = led
         env = sim_of(led.session.env)
         self._backend = env.backend
-        camera = Geometry(env.simulation.model, env.look).header["camera"]
+        camera = as_camera(LEADING_VIEW)
         eye, target = (np.array(camera[name]) for name in ("eye", "target"))
         self._eye, self._forward = eye, (target - eye) / length(target - eye)
         right = np.cross(self._forward, (0.0, 0.0, 1.0))

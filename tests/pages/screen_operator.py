@@ -44,6 +44,8 @@ MOST_PIXELS = 120
 """Of a drag, before it is looked at again."""
 LEARNT = 10
 """Pixels of a picture from which on a drag tells how far drags go."""
+STRAY = 25
+"""Pixels from where something should be that are too many: it is something else."""
 GUESS = {"Head": 0.36, "Left wrist": 0.067, "Right wrist": 0.067}
 """Pixels of a camera's picture that a pixel of a drag from above moves a tool, at first; of a
 wrist's camera, as shares of how large a cube is there."""
@@ -433,19 +435,25 @@ class ScreenOperator:
 
     def aim(self, side: Side, thing: Thing, name: str, near: float, tries: int = 5) -> Seen | None:
         """Drag the tool until something is below it in a camera's picture."""
-        before = way = 0j
+        last: Seen | None = None
+        way = 0j
         for _ in range(tries):
             seen = self.see(side, thing, name)
+            if last is not None:
+                size = self._size(last, name)
+                left = last.away - way * self._pixels[name] * size
+                if seen is None or abs(seen.away - left) > STRAY + 0.6 * abs(last.away):
+                    return Seen(away=left, blob=last.blob)  # the marks are over it
+                if abs(last.away - seen.away) > LEARNT:
+                    learnt = (last.away - seen.away) / way / size
+                    if 0.3 < abs(learnt / self._pixels[name]) < 3:
+                        self._pixels[name] = learnt
             if seen is None:
                 return None
-            if way and abs(before - seen.away) > LEARNT:
-                learnt = (before - seen.away) / way / self._size(seen, name)
-                if 0.3 < abs(learnt / self._pixels[name]) < 3:
-                    self._pixels[name] = learnt
             self.log(f"{name}: away {seen.away:.1f}, area {seen.blob.area:.0f}")
             if abs(seen.away) < near:
                 return seen
-            before = seen.away
+            last = seen
             way = self.way(seen.away, seen, name)
             way *= min(1.0, MOST_PIXELS / abs(way))
             self.drag(way)

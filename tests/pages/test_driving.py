@@ -85,7 +85,7 @@ def test_a_viewer_sends_nothing(page: Operated, canvas: tuple[float, float]) -> 
     page.page.wait_for_timeout(100)
     count = len(page.messages)
     page.page.mouse.click(*canvas)
-    page.page.keyboard.press("y")
+    page.page.keyboard.press("Enter")
     page.page.wait_for_timeout(200)
     assert len(page.messages) == count
 
@@ -289,7 +289,7 @@ def test_keep_discard_and_restore_are_said_once(
 ) -> None:
     page.page.mouse.click(*canvas)
     before = said(page)
-    for key in ("y", "Backspace", "p"):
+    for key in ("Enter", "Backspace", "p"):
         page.page.keyboard.press(key)
     for button in (9, 8, 3):
         page.page.evaluate(f"push({button}, 1)")
@@ -351,7 +351,7 @@ def test_keys_are_no_trap_and_other_parts_of_the_page_keep_theirs(
     page.page.keyboard.press("Tab")
     assert page.page.evaluate("document.activeElement.tagName") == "BUTTON"
     before = page.said("keep")
-    page.page.keyboard.press("y")
+    page.page.keyboard.press("Enter")
     page.settle()
     assert page.said("keep") == before
 

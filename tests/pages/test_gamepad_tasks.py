@@ -18,8 +18,9 @@ from duobench.core.types import SIDES, Array, Side
 from duobench.data import DataSet, find_problems
 from duobench.envs.sim_env import sim_of
 from duobench.tasks.experts.motion import down
+from duobench.teleop.teleop_page import LEADING_VIEW
 from duobench.teleop.teleoperation import TeleopState
-from duobench.web.geometry import Geometry
+from duobench.web.shading import as_camera
 from duobench.world.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from tests.pages.leading import Led, follower, led
 from tests.pages.test_driving import PAD
@@ -72,7 +73,7 @@ class GamepadOperator:
         env = sim_of(one.session.env)
         self.simulation = env.simulation
         self._backend = env.backend
-        camera = Geometry(env.simulation.model, env.look).header["camera"]
+        camera = as_camera(LEADING_VIEW)
         eye, target = (np.array(camera[name]) for name in ("eye", "target"))
         self._forward = (target - eye) / length(target - eye)
         across = np.cross(self._forward, (0.0, 0.0, 1.0))
@@ -199,6 +200,8 @@ class GamepadOperator:
     def _turning(self, turns: dict[Side, Array]) -> list[float]:
         (left,) = turns.values()
         speeds = [GAIN * float(left @ axis) for axis in (self._up, self._right, self._forward)]
+        slower = min(1.0, TURN / max(map(abs, speeds)))  # by the shortest way
+        speeds = [slower * speed for speed in speeds]
         return [*(stick(value, TURN) for value in speeds), 0.0]
 
     def _tilt(self, axes: list[float]) -> None:

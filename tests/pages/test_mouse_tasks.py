@@ -70,7 +70,7 @@ def test_a_task_is_solved_by_mouse_and_keys(tmp_path: Path) -> None:
         hand_over(MouseOperator(one), Arms(sim_of(one.session.env).simulation))
         while one.session.state is not TeleopState.DECIDE:
             one.turn()
-        one.page.keyboard.press("y")
+        one.page.keyboard.press("Enter")
         while one.session.state is not TeleopState.OVER:
             one.turn()
     data = DataSet.open(tmp_path)

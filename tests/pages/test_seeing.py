@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from duobench.core.types import Side
-from tests.pages.leading import LONGEST_S, follower, led
+from tests.pages.leading import follower, led
 from tests.pages.screen_operator import BLACK_CUBE, CLOCK, ScreenOperator, pass_on, take
 
 LOG = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ def played(folder: Path, task: str, layouts: int, play: Play) -> list[tuple[int,
     with led(folder, task, follower("mouse"), WINDOW, CLOCK, episodes=layouts) as one:
         operator = ScreenOperator(one)
         for layout in range(layouts):
-            one.grant(LONGEST_S)
+            one.begin()
             operator.begin()
             play(operator)
             reached.append((one.session.status()["stage"], operator.led_s))

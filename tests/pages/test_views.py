@@ -23,6 +23,7 @@ from duobench.core.types import SIDES, DuoCommand, Side
 from duobench.tasks import get
 from duobench.teleop.messages import Message
 from duobench.teleop.plumb import PlumbLines
+from duobench.teleop.teleop_page import LEADING_VIEW
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.page import assets
@@ -53,7 +54,7 @@ class Shown:
         self.sim = Simulation(task.props, task.overview)
         placement.first_valid(self.sim, task.layouts(3), task.id)
         self.turn(0.4)
-        self.geometry = Geometry(self.sim.model, LOOK, cameras=True)
+        self.geometry = Geometry(self.sim.model, LOOK, LEADING_VIEW, cameras=True)
         self.server = PageServer(assets())
         self.server.listen(Message, lambda _message: None)
         self.server.publish_scene(self.geometry.name, self.geometry.data)
@@ -158,8 +159,47 @@ def test_keys_and_buttons_change_the_view(page: Page) -> None:
     page.get_by_role("button", name="Front").click()
     page.wait_for_timeout(300)
     assert difference(seen[1], picture(page)) < 1
+    page.keyboard.press("5")
+    page.wait_for_timeout(300)
+    assert difference(seen[0], picture(page)) < 1
     page.keyboard.press("f")
     until(page, "document.fullscreenElement != null")
+
+
+def test_the_view_behind_a_hand_goes_with_it(page: Page, shown: Shown) -> None:
+    def place(side: Side) -> list[float]:
+        label = page.locator(f".marks-of-tools [data-side={side}] .label")
+        moved = str(label.get_attribute("transform"))
+        return [float(each) for each in moved.removeprefix("translate(").rstrip(")").split()]
+
+    page.keyboard.press("0")
+    picture(page)
+    before = place(Side.RIGHT)
+    shown.turn(-0.3)
+    shown.show()
+    picture(page)
+    np.testing.assert_allclose(place(Side.RIGHT), before, atol=1.0)
+    page.keyboard.press("1")
+    picture(page)
+    np.testing.assert_allclose(place(Side.LEFT), before, atol=60.0)
+    shown.turn(0.3)
+    shown.show()
+
+
+def test_marks_get_thin_far_away(page: Page) -> None:
+    def cross() -> str | None:
+        return page.locator("[data-side=right] .cross").get_attribute("d")
+
+    assert cross()
+    page.locator("canvas").first.focus()
+    for _ in range(12):
+        page.keyboard.press("-")
+    picture(page)
+    assert not cross()  # a small cube would be below it
+    width = page.locator("[data-side=right] .tool").evaluate(
+        "(e) => getComputedStyle(e).strokeWidth"
+    )
+    assert float(width.removesuffix("px")) < 2.5
 
 
 def test_an_arm_that_can_follow_no_farther_says_so(page: Page, shown: Shown) -> None:

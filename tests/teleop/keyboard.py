@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 from duobench.core.spatial import SE3, length, product, rotation_by, rotation_vector
 from duobench.core.types import CONTROL_HZ, SIDES, Array, Side
 from duobench.envs.sim_env import sim_of
+from duobench.teleop.teleop_page import LEADING_VIEW
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
-from duobench.web.geometry import Geometry
+from duobench.web.shading import as_camera
 from tests.docs.markdown import page_of, table
 from tests.teleop.operator import hand, message, said
 
@@ -60,7 +61,7 @@ class Keyboard:
         self._known: set[str] = set()
         env = sim_of(session.env)
         self.simulation, self._backend = env.simulation, env.backend
-        camera = Geometry(env.simulation.model, env.look).header["camera"]
+        camera = as_camera(LEADING_VIEW)
         forward = np.subtract(camera["target"], camera["eye"])
         forward /= length(forward)
         z = np.array([0.0, 0.0, 1.0])

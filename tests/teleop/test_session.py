@@ -288,7 +288,7 @@ def test_the_world_stands_still_while_nobody_leads_and_goes_on_without_a_jump(de
     assert data is not None
     (path,), (recording,) = data.episodes(), desk.recordings()
     np.testing.assert_allclose(np.diff(recording.time), 1 / CONTROL_HZ)
-    take = leading.Take.of(recording)
+    take = leading.LedEpisode.of(recording)
     assert take is not None
     seconds = (Recorded.read(path).take(data.reviews).led_s, take.led_s)
     assert seconds == pytest.approx((led_s, led_s), abs=0.05), "one number on all pages"

@@ -77,9 +77,8 @@ def run(
             "--instruction goes with one task; type those of a plan on the page."
         )
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
-        led_by, actor = leading.open(ending)
         tasks = find_tasks(wanted.tasks)
-        source = leading.find_policy(partial(find_policy, tasks=tasks), ending)
+        led_by = leading.open(ending, partial(find_policy, tasks=tasks))
 
         def make(task: str, actor: Actor) -> Teleoperation:
             """Make the session of a task that an actor leads."""
@@ -87,23 +86,22 @@ def run(
                 task,
                 out,
                 actor,
-                action_mode=led_by.action_mode,
-                metadata=None if source is None else source.metadata,
-                time_limit_s=leading.limit,
                 look=look,
+                **led_by.recorder_settings,
             )
             return Teleoperation(
                 recorder,
-                led_by,
+                led_by.device,
                 episodes=wanted.layouts,
                 times=wanted.times,
                 tasks=wanted.ids,
-                policy=leading.play(source, recorder),
-                **leading.settings,
+                **led_by.session_settings(recorder),
             )
 
         data = DataSet.open(out, own_tasks=catalog.import_paths(wanted.tasks))
-        sessions = ending.enter_context(PlannedSessions(wanted, data, make, actor))
+        sessions = ending.enter_context(
+            PlannedSessions(wanted, data, make, led_by.actor)
+        )
         session = sessions.next()
         times = ""
         if session is not None:

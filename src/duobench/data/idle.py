@@ -18,19 +18,26 @@ from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
 
 STILL = 1e-4
-"""What moves by less in a step is at rest, in metres."""
+"""Motion in a step below which an object is at rest, in metres."""
 STILL_TOOL = 5e-4
-"""The same of a measured tool, whose joints are noisy."""
-STILL_ANGLE = 3e-4
-"""The same in radians."""
-STILL_ROTATION = STILL_ANGLE / 2
-"""The same of the numbers of a quaternion."""
+"""The same of a tool as measured: joints are noisy, and settle long after all else."""
+STILL_ANGLE = 1e-3
+"""The same of joints of arms, and of rotations of tools and objects, in radians."""
+STILL_HINGE = 3e-4
+"""The same of lids and doors, which are long."""
 STILL_OPENING = 5e-3
 """The same of a measured opening."""
 STILL_TARGET = 1e-4
 """The same of a commanded target, in radians or as an opening."""
 DRIFT = 10.0
-"""How often as far anything may move all through rows that are left out: 1 mm, 3 mrad."""
+"""Multiple of the motions above that adjacent rows left out may add up to: 1 mm, 10 mrad."""
+SEAM = 1e-4
+"""Excess over the longest step of the episode that a step across rows left out may have, in its
+units."""
+_PLACE = (STILL, 3)
+"""Rest of an object's place, and how many numbers it has."""
+_ROTATION = (STILL_ANGLE / 2, 4)
+"""The same of a quaternion, whose numbers are those of half the angle."""
 _QPOS = 1
 """Place of the first coordinate in a state of the simulation, behind the time."""
 
@@ -40,15 +47,15 @@ def idle_rows(
     task: str,
     span: Span,
 ) -> NDArray[np.bool_]:
-    """Which rows of some that follow each other are idle.
+    """Tell which rows of a span are idle, (rows,).
 
-    What is seen behind rows that are left out is, but for a small drift, what the last one that is
-    used led to, and no further from that one than a step leads somewhere in the episode: joints,
-    tools, objects. A slow motion keeps as many rows as that needs.
+    A row is idle if nobody leads, no judgement changes, and joints, tools, objects and targets are
+    still where the last used row left them, but for a small drift. No step from a used row to the
+    next one is longer than the longest step of the episode, so that a slow motion keeps some rows.
     """
     first, end = span
-    poses, units = _poses(recording, task)
-    seen = poses / units
+    poses, rests, counts = _poses(recording, task)
+    seen = poses / np.repeat(rests, counts)
     judged = np.column_stack(
         [recording.stage, recording.success, recording.success_at_end]
     )
@@ -59,10 +66,8 @@ def idle_rows(
     idle = np.zeros(end - first, np.bool_)
     motions = np.abs(np.diff(seen, axis=0))
     is_active |= motions.max(axis=1) > 1.0
-    largest = np.empty(len(units))
-    for unit in np.unique(units):  # each kind has its own
-        kind = units == unit
-        largest[kind] = max(motions[:, kind].max(), 1.0)
+    parts = np.maximum.reduceat(motions.max(axis=0), np.cumsum(counts) - counts)
+    largest = np.repeat(parts + SEAM / rests, counts)
     was, rest, told = seen[first], seen[first], sent[first]
     for row in range(first, end):
         drifts = (np.abs(seen[row + 1] - was) > largest).any()
@@ -82,38 +87,48 @@ def _asks(recording: Recording) -> NDArray[np.bool_]:
     return np.asarray(sides[..., :-1].any(axis=(1, 2)))
 
 
-def _poses(recording: Recording, task: str) -> tuple[Array, Array]:
-    """Poses (T + 1, n), and what counts as rest for each of their numbers (n,).
+def _poses(
+    recording: Recording,
+    task: str,
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Poses (T + 1, n); what counts as rest of each of their parts, and its count of numbers.
 
     They are those of the arms as measured, and of everything where states are known.
     """
-    joints = np.full(FLAT_SIZE, STILL_ANGLE)
-    joints[list(OPENING_SLOTS)] = STILL_OPENING
-    tool = [STILL_TOOL] * 3 + [STILL_ROTATION] * 4
+    parts = [(STILL_ANGLE, 1)] * FLAT_SIZE
+    for slot in OPENING_SLOTS:
+        parts[slot] = (STILL_OPENING, 1)
+    parts += [(STILL_TOOL, 3), _ROTATION] * len(SIDES)
     poses: list[NDArray[Any]] = [recording.agent_pos, recording.tcp_pose]
-    units = [joints, np.array(tool * len(SIDES))]
     if not recording.info.is_real:
-        units.append(_units(task))
-        poses.append(recording.state[:, _QPOS : _QPOS + len(units[-1])])
-    return np.hstack(poses, dtype=np.float64), np.hstack(units)
+        coordinates = _coordinates(task)
+        parts += coordinates
+        size = sum(count for _, count in coordinates)
+        poses.append(recording.state[:, _QPOS : _QPOS + size])
+    rests, counts = zip(*parts, strict=True)
+    return np.hstack(poses, dtype=np.float64), np.array(rests), np.array(counts)
 
 
 @lru_cache(maxsize=1)
-def _units(task: str) -> Array:
-    """What counts as rest for each coordinate (nq,) of a task's simulation."""
+def _coordinates(task: str) -> list[tuple[float, int]]:
+    """The same of the coordinates of a task's simulation."""
     # Recordings of real arms do without the engine.
     import mujoco
 
     from duobench.world.sim.simulation import Simulation
 
     model = Simulation(catalog.get(task).props).model
-    units = np.full(model.nq, STILL_ANGLE)
-    for kind, place in zip(model.jnt_type, model.jnt_qposadr, strict=True):
-        if kind == mujoco.mjtJoint.mjJNT_FREE:
-            units[place : place + 3] = STILL
-            units[place + 3 : place + 7] = STILL_ROTATION
-        elif kind == mujoco.mjtJoint.mjJNT_BALL:
-            units[place : place + 4] = STILL_ROTATION
-        elif kind == mujoco.mjtJoint.mjJNT_SLIDE:
-            units[place] = STILL
-    return units
+    parts_of = {
+        mujoco.mjtJoint.mjJNT_FREE: [_PLACE, _ROTATION],
+        mujoco.mjtJoint.mjJNT_BALL: [_ROTATION],
+        mujoco.mjtJoint.mjJNT_SLIDE: [(STILL, 1)],
+        mujoco.mjtJoint.mjJNT_HINGE: [(STILL_HINGE, 1)],
+    }
+    arms = tuple(f"{side}/" for side in SIDES)
+    parts: list[tuple[float, int]] = []
+    for joint, kind in enumerate(model.jnt_type):
+        if model.joint(joint).name.startswith(arms):
+            parts.append((STILL_ANGLE, 1))
+        else:
+            parts += parts_of[mujoco.mjtJoint(kind)]
+    return parts

@@ -51,7 +51,7 @@ class ActionConverter:
         command = base_of(self._env).backend.last_command
         is_pose = self._given == CARTESIAN.name
         targets = (
-            joint_targets(self._kinematics, command.joints, action)
+            joint_targets(self._kinematics, command.joints[None], action[None])[0]
             if is_pose
             else action
         )

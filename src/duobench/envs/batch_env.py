@@ -403,17 +403,21 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             targets += actions
             targets[:, OPENINGS] = actions[:, OPENINGS]
             return targets
-        joints = targets.reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS].copy()
-        for number in np.flatnonzero(where).tolist():
-            poses = actions[number]
-            if self._mode is CARTESIAN_RELATIVE:
-                poses, self._tool_targets[number] = displaced_poses(
+        joints = targets.reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS]
+        numbers = np.flatnonzero(where)
+        poses = actions[numbers]
+        if self._mode is CARTESIAN_RELATIVE:
+            displaced = []
+            for number, displacements in zip(numbers.tolist(), poses, strict=True):
+                tools, self._tool_targets[number] = displaced_poses(
                     self._kinematics,
                     joints[number],
                     self._tool_targets[number],
-                    poses,
+                    displacements,
                 )
-            targets[number] = joint_targets(self._kinematics, joints[number], poses)
+                displaced.append(tools)
+            poses = np.reshape(displaced, (len(numbers), -1))
+        targets[numbers] = joint_targets(self._kinematics, joints[numbers], poses)
         return targets
 
     def _checked(self, actions: Any) -> Array:

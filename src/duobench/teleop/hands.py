@@ -265,7 +265,7 @@ class HandDevice:
 
     @property
     def was_lost(self) -> bool:
-        """Whether a hand that led last was lost, and not opened."""
+        """Whether a hand was lost, rather than opened, when it last let go."""
         return any(arm.clutch.was_lost for arm in self._arms.values())
 
     @property

@@ -1,4 +1,4 @@
-"""How high each tool is above what lies below it, as the page draws it."""
+"""Height of each tool above the surface below it, as the page draws it."""
 
 import mujoco
 import numpy as np
@@ -17,8 +17,8 @@ class PlumbLines:
     """A line from each tool straight down to what lies below it.
 
     It passes through the tool's own arm and through what its fingers hold. While they hold
-    something, the line begins at the height of its lowest point: what is told is then how far it
-    may be lowered.
+    something, the line begins at the height of the lowest point of that, and its length says how
+    far the tool may be lowered.
 
     Args:
         sim: The simulation, whose kinematics are up to date whenever it is asked.

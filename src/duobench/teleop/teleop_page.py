@@ -21,11 +21,18 @@ from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.server import PageServer
+from duobench.world.robot.cameras import View
 
 _QUIET = ("step", "led_s", "lost")
 """Fields of a status that change all the time, sent once in a while or with others."""
 _TURNS = 6
-"""Turns of the loop after which it is sent at the latest: a drag is measured where the tool is."""
+"""Most turns of the loop between statuses: pages measure a drag from where they say the tool is."""
+LEADING_VIEW = View(
+    eye=(-0.12, 0.0, 1.45),
+    target=(0.47, 0.0, 0.1),
+    fovy_deg=47.0,
+)
+"""Where people look from at first: over the robot's head, so that left is left."""
 WATCHING = "You watch: take over to lead the arms."
 PERIOD_S = 1.0 / CONTROL_HZ
 """Seconds from one control step to the next."""
@@ -198,6 +205,7 @@ class TeleopPage:
         return Geometry(
             self._env.simulation.model,
             self._env.look,
+            LEADING_VIEW,
             cameras=True,
         )
 

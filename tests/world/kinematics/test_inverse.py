@@ -160,8 +160,8 @@ def test_a_step_is_what_mink_finds_with_its_own_tasks(*, with_before: bool) -> N
         inertia.set_target(start + last)
         tasks = [tool, posture, inertia] if with_before else [tool, posture]
         speed = mink.solve_ik(configuration, tasks, DT, "daqp", damping=1e-5, limits=[])
-        before = start - last if with_before else None
-        found = arm.step(start, goal, DT, HOME_JOINTS[0], before)
+        before = (start - last)[None] if with_before else None
+        found = arm.step(start[None], [goal], DT, HOME_JOINTS[0], before)[0]
         assert np.abs(found - start - speed * DT).max() < 1e-9
 
 

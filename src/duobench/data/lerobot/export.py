@@ -105,7 +105,7 @@ class Exported:
     left_out: int
     """Episodes of the data set that are not in it."""
     failures: int = 0
-    """Of these, kept ones that a person led without success, which the options leave out."""
+    """Those among them that a person led and kept without success; the options leave them out."""
     rows_left_out: dict[Reason, int] = field(default_factory=dict)
     """Rows of its episodes that are not in it, for each reason."""
     residual: Residual | None

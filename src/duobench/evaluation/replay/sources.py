@@ -205,7 +205,7 @@ class DataSource:
         item: str,
         row: int,
     ) -> dict[str, bytes]:
-        """What the cameras of a rig saw in a row, as JPEG by camera; nothing of simulated takes.
+        """Images of a rig's cameras at a row, as JPEG by camera; none for simulated recordings.
 
         Raises:
             DataError: A video cannot be read.

@@ -65,7 +65,7 @@ from duobench.teleop.panel import (
     Panel,
 )
 from duobench.teleop.plumb import PlumbLines
-from duobench.teleop.teleop_page import TeleopPage
+from duobench.teleop.teleop_page import LEADING_VIEW, TeleopPage
 from duobench.teleop.teleoperation import (
     TIME_LIMIT_S,
     TITLES,
@@ -160,7 +160,7 @@ class RigTeleoperation(Teleoperation):
         """Take a message; a hold and the word that a stage is reached act at once.
 
         Raises:
-            DuoBenchError: It is not for this state.
+            DuoBenchError: The message is not for this state.
         """
         rig = self._real.rig
         match message:
@@ -329,7 +329,7 @@ class RigTeleoperation(Teleoperation):
             self._info = {**self._info, "stage": stage, "success": is_solved}
 
     def _make_ready(self, message: PageMessage) -> None:
-        """Do a step before the episode; what hinders it is said."""
+        """Do a step of making ready; the note says what hinders it."""
         if self._state is not TeleopState.MAKING_READY:
             return
         rig = self._real.rig
@@ -510,7 +510,7 @@ class RigTeleopPage(TeleopPage):
         layout = self._rig_session.layout
         if layout.poses:
             self._picture.apply(layout)
-        return Geometry(self._picture.model)
+        return Geometry(self._picture.model, view=LEADING_VIEW)
 
     def _new_lines(self) -> PlumbLines:
         """Lines to the table: where objects really are is not known."""

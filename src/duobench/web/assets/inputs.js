@@ -9,7 +9,7 @@ import { Words } from "./words.js";
 
 const SIMULATION = "simulation"; // kinds of pages
 const DEMONSTRATIONS = "demonstrations"; // of real arms, whose stages a person says
-const VIEWS = "look from in front, the head, above, the side, behind the tool";
+const VIEWS = "look from behind, in front, the head, above, the side, behind the tool";
 /**
  * What keys do while the scene is in focus: `keys` gives each its value for the act of `mouse.js`,
  * `shown` and `does` are the line of the list, `on` is the kind of page if not both have it.
@@ -63,7 +63,7 @@ const KEYS = [
   },
   { shown: "C and G or J; Shift and G or J", does: "close, open it by a quarter" },
   // Far from all that drives.
-  { act: "say", keys: { y: "keep" }, shown: "Y", does: "keep the episode" },
+  { act: "say", keys: { Enter: "keep" }, shown: "Enter", does: "keep the episode" },
   {
     act: "say",
     keys: { Backspace: "discard", p: "restore" },
@@ -82,8 +82,8 @@ const KEYS = [
     shown: "N",
     does: "say why you took over from a policy; again for another reason",
   },
-  { shown: "6, 7, 8, 9, 0", does: VIEWS, on: SIMULATION },
-  { shown: "Shift and 6, 7, 8, 9, 0", does: VIEWS, on: DEMONSTRATIONS },
+  { shown: "5, 6, 7, 8, 9, 0", does: VIEWS, on: SIMULATION },
+  { shown: "Shift and 5, 6, 7, 8, 9, 0", does: VIEWS, on: DEMONSTRATIONS },
   { shown: "+, -; F", does: "camera nearer, farther; full screen" },
   {
     act: "leave",

@@ -120,6 +120,7 @@ class Live {
     this.#waiting = poses;
     this.#marks.place(new Float32Array(frame, FRAME_HEAD + 4 * count));
     const isNew = this.#view.scene.setPoses(poses);
+    if (isNew) this.#views?.follow();
     this.#status.showStep(head.getUint32(8, true));
     if (isNew) this.#latency?.arrived(head.getFloat64(16, true));
   }
@@ -144,6 +145,7 @@ class Live {
     const mark = hands.onActive;
     hands.onActive = () => {
       mark();
+      this.#views.lead();
       this.#drawMarks();
     };
     this.#hands = hands;

@@ -2,6 +2,7 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 const RADIUS = 0.03; // of a ring, in metres
+const BOLD = 12; // pixels of a ring from which on marks are as bold as they get
 const CORNERS = 24;
 const NEAREST = 0.02; // metres before a camera, from which on something is drawn
 const NUMBERS = 7; // of a tool: place, where its line begins, its length
@@ -17,6 +18,12 @@ function seen(view, projection, width, height, [x, y, z]) {
   const across = (projection[0] * at[0]) / depth;
   const above = (projection[5] * at[1]) / depth;
   return [((1 + across) * width) / 2, ((1 - above) * height) / 2];
+}
+
+/** How many pixels high a metre is at a point. */
+function pixelsAMetre(view, projection, height, [x, y, z]) {
+  const depth = -(view[2] * x + view[6] * y + view[10] * z + view[14]);
+  return (projection[5] * height) / 2 / depth;
 }
 
 /** A level ring about a point. */
@@ -82,7 +89,10 @@ export class Marks {
       if (!at) continue;
       group.dataset.state = this.active.includes(side) ? "active" : "other";
       group.dataset.limited = this.limited[side] ? "yes" : "";
+      const size = RADIUS * pixelsAMetre(view, projection, height, tool.tool);
+      group.style.setProperty("--bold", Math.min(1, size / BOLD));
       const lines = linesOf(tool);
+      if (size < BOLD) lines.cross = []; // it would hide small things
       for (const [what, path] of Object.entries(shapes)) {
         path.setAttribute("d", pathOf(lines[what] ?? [], view, projection, width, height));
       }

@@ -61,6 +61,12 @@ export class Orbit {
     this.onChange();
   }
 
+  /** Move eye and target in the world. */
+  move(shift) {
+    this.#target = this.#target.map((value, i) => clamp(value + shift[i], [-REACH, REACH]));
+    this.onChange();
+  }
+
   /** Right, up and forward of the camera in the world. */
   get right() {
     return [-Math.sin(this.#azimuth), Math.cos(this.#azimuth), 0];
@@ -133,10 +139,7 @@ export class Orbit {
   #shift(across, down) {
     const size = 2 * this.#distance * this.#tangent;
     const { right, up } = this;
-    this.#target = this.#target.map((value, i) =>
-      clamp(value + size * (up[i] * down - right[i] * across), [-REACH, REACH]),
-    );
-    this.onChange();
+    this.move(right.map((value, i) => size * (up[i] * down - value * across)));
   }
 
   #press(event) {

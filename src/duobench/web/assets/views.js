@@ -10,6 +10,7 @@ const FIXED = {
 const SIDEWAYS = { reach: 0.95, high: 0.12, fovy: 37 };
 const BEHIND = { back: 0.5, high: 0.3, fovy: 45 };
 const VIEWS = [
+  ["5", "behind", "Behind"],
   ["6", "front", "Front"],
   ["7", "head", "Head"],
   ["8", "top", "Top"],
@@ -25,6 +26,7 @@ export class Views {
   #active;
   #tool;
   #takesDigits;
+  #followed = null; // where the tool was that the camera goes with
   /** The robot's cameras, as the scene's file has them. */
   cameras = [];
 
@@ -52,8 +54,13 @@ export class Views {
     addEventListener("keydown", (event) => this.#press(event), { capture: true });
   }
 
-  /** Look from somewhere: "front", "head", "top", "side", or "hand", behind the one that leads. */
+  /**
+   * Look from "behind" the robot as at first, "front", "head", "top", "side", or from behind the
+   * "hand" that leads, with which the camera goes.
+   */
   look(view) {
+    this.#followed = view === "hand" ? this.#tool(this.#active()) : null;
+    if (view === "behind") return this.#orbit.reset();
     const [x, y, z] = this.#tool(this.#active()) ?? [0.45, 0, 0.15];
     const side = this.#active() === "left" ? 1 : -1;
     const { reach, high, fovy } = SIDEWAYS;
@@ -68,6 +75,19 @@ export class Views {
     };
     const from = seen[view]?.() ?? FIXED[view];
     if (from) this.#orbit.aim(from);
+  }
+
+  /** Another arm may lead now. */
+  lead() {
+    if (this.#followed) this.look("hand");
+  }
+
+  /** The tools may be elsewhere. */
+  follow() {
+    const place = this.#followed && this.#tool(this.#active());
+    if (!place) return;
+    this.#orbit.move(place.map((value, axis) => value - this.#followed[axis]));
+    this.#followed = place;
   }
 
   /** Fill the screen, or no longer. */

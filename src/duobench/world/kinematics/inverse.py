@@ -6,7 +6,8 @@ pull at the joints, and DAQP solves it within each joint's bounds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from duobench.core.types import (
 from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
 from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.world.scene.naming import tcp_name
+
+if TYPE_CHECKING:
+    import mink
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
 """Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""
@@ -104,6 +108,7 @@ class ArmKinematics:
             orientation_cost=ORIENTATION_COST,
             lm_damping=LM_DAMPING,
         )
+        self._cost = self._tool.cost
         self._speeds = np.array(VELOCITY_LIMITS) * VELOCITY_SHARE
 
     def forward(self, joints: Array) -> SE3:
@@ -117,54 +122,89 @@ class ArmKinematics:
     def step(
         self,
         joints: Array,
-        target: SE3,
+        targets: Sequence[SE3],
         dt: float,
         posture: Array,
         before: Array | None,
     ) -> Array:
-        """Joint targets (7,) for the step towards a tool pose; see `Kinematics.step`."""
+        """Joint targets (n, 7) for the steps of n arms towards a tool pose each.
+
+        What each gets does not depend on the others; see `Kinematics.step`.
+        """
+        start = np.minimum(np.maximum(joints, self._low), self._high)
+        goals = [self._goal(target) for target in targets]
+        errors = np.empty((len(goals), len(self._cost)))
+        jacobians = np.empty((*errors.shape, ARM_JOINTS))
+        for row, goal in enumerate(goals):
+            errors[row] = self._error(start[row], goal)
+            jacobians[row] = self._tool.compute_jacobian(self._configuration)
+        errors *= self._cost
+        jacobians *= self._cost[:, None]
+        last = None if before is None else joints - before
+        changes = self._changes(errors, jacobians, start, dt, posture, last)
+        moved = start + changes
+        if last is not None:  # the arm moves on, and cannot stop at once
+            return moved
+        enough = (1.0 - LEAST_PROGRESS) * _objective(errors, start - posture)
+        rows = np.arange(len(goals))
+        for _ in range(SHORTENINGS + 1):
+            tried = moved[rows]
+            errors = np.empty((len(rows), len(self._cost)))
+            for row, number in enumerate(rows.tolist()):
+                errors[row] = self._error(tried[row], goals[number])
+            errors *= self._cost
+            rows = rows[~(_objective(errors, tried - posture) < enough[rows])]
+            if not len(rows):
+                return moved
+            changes[rows] /= 2
+            moved[rows] = start[rows] + changes[rows]
+        moved[rows] = start[rows]
+        return moved
+
+    def _goal(self, target: SE3) -> mink.SE3:
+        """A tool pose, within reach, as `mink` takes it."""
         import mink
 
-        start = np.minimum(np.maximum(joints, self._low), self._high)
         goal = within_reach(self._side, target)
-        self._tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
-        self._configuration.update(start)
-        residual = self._tool.compute_qp_residual(self._configuration)
-        last = None if before is None else joints - before
-        change = self._change(residual, start, dt, posture, last)
-        if change is None:
-            return start
-        if last is not None:  # the arm moves on, and cannot stop at once
-            return start + change
-        enough = (1.0 - LEAST_PROGRESS) * _objective(residual[1], start - posture)
-        for _ in range(SHORTENINGS + 1):
-            if self._error(start + change, posture) < enough:
-                return start + change
-            change = change / 2
-        return start
+        return mink.SE3(np.concatenate([goal.wxyz, goal.translation]))
 
-    def _change(
+    def _error(self, joints: Array, goal: mink.SE3) -> Array:
+        """Error (6,) of the tool at joint positions (7,), to which the model is brought."""
+        self._tool.transform_target_to_world = goal
+        self._configuration.update(joints)
+        return self._tool.compute_error(self._configuration)
+
+    def _changes(
         self,
-        residual: tuple[Array, Array, float],
+        errors: Array,
+        jacobians: Array,
         start: Array,
         dt: float,
         posture: Array,
         last: Array | None,
-    ) -> Array | None:
-        """The best step from `start`, where the tool's residual is known; None without one."""
+    ) -> Array:
+        """The best steps (n, 7) from `start` by weighted errors; none where none is found."""
         import daqp
 
-        weighted, error, damping = residual
         pull = POSTURE_COST**2
-        linear = pull * POSTURE_GAIN * (start - posture) - error @ weighted
+        linear = pull * POSTURE_GAIN * (start - posture)
+        linear += (errors[:, None] @ jacobians)[:, 0]
         if last is not None:
             pull += INERTIA_COST**2
             linear -= INERTIA_COST**2 * last
-        hessian = weighted.T @ weighted
-        hessian.flat[:: len(start) + 1] += pull + DAMPING + damping
+        hessians = jacobians.swapaxes(1, 2) @ jacobians
+        damping = pull + DAMPING + LM_DAMPING * np.vecdot(errors, errors)
+        diagonals = hessians.reshape(len(start), -1)[:, :: ARM_JOINTS + 1]
+        diagonals += damping[:, None]
         low, high = self._bounds(start, dt, last)
-        solution, _, outcome, _ = daqp.solve(hessian, linear, _NO_ROWS, high, low)
-        return solution if outcome == OPTIMAL else None
+        changes = np.zeros(start.shape)
+        for row in range(len(start)):
+            solution, _, outcome, _ = daqp.solve(
+                hessians[row], linear[row], _NO_ROWS, high[row], low[row]
+            )
+            if outcome == OPTIMAL:
+                changes[row] = solution
+        return changes
 
     def _bounds(
         self, start: Array, dt: float, last: Array | None
@@ -181,17 +221,11 @@ class ArmKinematics:
             np.minimum(np.maximum(fastest, low), high),
         )
 
-    def _error(self, joints: Array, posture: Array) -> float:
-        """Objective of a solution."""
-        self._configuration.update(joints)
-        tool = self._tool.cost * self._tool.compute_error(self._configuration)
-        return _objective(tool, joints - posture)
 
-
-def _objective(tool: Array, from_posture: Array) -> float:
-    """The squared errors of tool (6,), weighted already, and of posture (7,), by its cost."""
+def _objective(tools: Array, from_posture: Array) -> Array:
+    """The squared errors (n,) of tools (n, 6), weighted already, and of postures (n, 7)."""
     pulled = POSTURE_COST * from_posture
-    return float(tool @ tool) + float(pulled @ pulled)
+    return np.vecdot(tools, tools) + np.vecdot(pulled, pulled)
 
 
 class Kinematics:
@@ -230,17 +264,35 @@ class Kinematics:
         Returns:
             Joint targets (2, 7), whole multiples of 1 / `GRID` for the sides that have a target.
         """
+        return self.step_all(
+            np.asarray(joints)[None],
+            {side: [target] for side, target in targets.items()},
+            dt=dt,
+            posture=posture,
+            before=None if before is None else before[None],
+        )[0]
+
+    def step_all(
+        self,
+        joints: Array,
+        targets: Mapping[Side, Sequence[SE3]],
+        *,
+        dt: float = 1.0 / CONTROL_HZ,
+        posture: Array = HOME_JOINTS,
+        before: Array | None = None,
+    ) -> Array:
+        """`step` of n robots at once (n, 2, 7), each with a target for each side that has some."""
         result = np.array(joints, dtype=np.float64)
-        for side, target in targets.items():
+        for side, goals in targets.items():
             row = side.index
-            solution = self._arms[side].step(
-                result[row],
-                target,
+            solutions = self._arms[side].step(
+                result[:, row],
+                goals,
                 dt,
                 posture[row],
-                None if before is None else before[row],
+                None if before is None else before[:, row],
             )
-            result[row] = np.rint(solution * GRID) / GRID
+            result[:, row] = np.rint(solutions * GRID) / GRID
         return result
 
     def solve(

@@ -86,10 +86,16 @@ class ThreadBatch(SimulationBatch):
         controls[..., actuators] = ramp(
             self._ctrl[worlds, actuators], controls_of(commands)
         )
-        record = _CHECKED if self._is_sparse else ()
-        kind = int(mujoco.mjtState.mjSTATE_CTRL)
+        if before is None:
+            # The first step goes on from the half that `forward` has computed already.
+            self._ctrl[worlds] = controls[:, 0]
+            batch.step(worlds)
+            controls = controls[:, 1:]
         steps = batch.rollout(
-            SUBSTEPS, controls, control_spec=kind, record=record, ids=worlds
+            controls.shape[1],
+            controls,
+            record=() if before is None else _CHECKED,
+            ids=worlds,
         )
         batch.forward(worlds, stage=_READY)
         if before is None:
