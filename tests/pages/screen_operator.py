@@ -29,6 +29,8 @@ TAP_MM = 5
 NEAR_RAD = 0.1
 GRASP_MM = {"cube": 20, "block": 10}
 """Below the top of a thing."""
+OVER_MM = {"cube": 60, "block": 80}
+"""Above a thing, where it is all in the picture and large enough to tell its edges."""
 LIFT_MM = 80
 RAISED_MM = 200
 """How much higher than lifted a block is handed over."""
@@ -506,7 +508,7 @@ def take(op: ScreenOperator, side: Side, thing: Thing) -> bool:
         op.aim(side, thing, wrist, 8.0, 3)
         op.lower(side, 150, 30)
         turn_across(op, side, thing, 5.0)
-        op.lower(side, 60)
+        op.lower(side, OVER_MM[thing.shape])
         seen = turn_across(op, side, thing, 3.0)
         if seen is None:
             op.lower(side, 350, 30)
