@@ -129,13 +129,9 @@ class PadOperator(ScreenOperator):
         buttons = [TOGETHER] if len(self.sides) > 1 else []
         self.push_by([right, -away, 0.0, -up], SPEED, *buttons)
 
-    def yaw(self, angle: float) -> None:
+    def swivel(self, angle: float) -> None:
         """Turn one tool about the vertical; positive is to the left."""
         self.push_by([0.0, 0.0, -angle, 0.0], TURN)
-
-    def tilt(self, right: float, away: float) -> None:
-        """Turn both tools as one thing, so that it goes down to the right or away by radians."""
-        self.push_by([right, -away, 0.0, 0.0], TURN, TURNING, TOGETHER)
 
     def straighten(self) -> None:
         """Turn both hands so that their fingers point straight down, which lean at the start."""
@@ -288,7 +284,7 @@ def carry_pot(op: PadOperator) -> None:
     places = {side: pot - side.sign * HANDLE * axis for side in SIDES}
     for side in SIDES:
         op.bring(side, places[side], tries=1)
-        op.yaw(cmath.phase(axis))
+        op.swivel(cmath.phase(axis))
         op.go_down(side, HANDLE_HIGH + ABOVE_HANDLE)
         op.bring(side, places[side])
     for side in SIDES:
@@ -491,7 +487,7 @@ class MazePlayer:
         places = {side: board.at(-side.sign * GRIP, 0.0) for side in SIDES}
         for side in SIDES:
             op.bring(side, places[side], tries=1)
-            op.yaw(cmath.phase(board.axis))
+            op.swivel(cmath.phase(board.axis))
             op.go_down(side, ABOVE)
         for side in SIDES:
             op.bring(side, places[side])
