@@ -36,8 +36,6 @@ from tests.pages.test_driving import PAD
 LOG = logging.getLogger(__name__)
 WINDOW = {"width": 900, "height": 600}
 WIDE = {"width": 1240, "height": 780}
-PATIENCE_S = 3000
-"""Seconds that pictures may take, of which there are a hundred, on a slow machine."""
 CLOCK = """{
   const clock = performance.now.bind(performance);
   let [before, shown] = [clock(), clock()];
@@ -277,7 +275,6 @@ def led_by_sight(folder: Path, task: str, play: Callable[[PadOperator], None]) -
     """Lead an episode by what the page shows, keep it, and check it."""
     actor = follower("gamepad")
     with led(folder, task, actor, WIDE, pad_operator.CLOCK, PAD) as one:
-        one.grant(PATIENCE_S)
         operator = PadOperator(one)
         operator.log = LOG.info
         play(operator)
