@@ -8,6 +8,7 @@ it, and so sees imports inside functions and under `TYPE_CHECKING` as well.
 import ast
 import shutil
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -155,6 +156,12 @@ def objection(module: str, name: str) -> str | None:
     return None
 
 
+@cache
+def names_in(source: str, module: str, is_package: bool) -> list[str]:
+    """What the source of a module names; a copy of the package is read no second time."""
+    return list(named(ast.parse(source), module, is_package=is_package))
+
+
 def modules_of(package: Path) -> dict[str, tuple[bool, list[str]]]:
     """The modules under a package folder but itself: whether each is a package, what it names."""
     found = {}
@@ -162,8 +169,7 @@ def modules_of(package: Path) -> dict[str, tuple[bool, list[str]]]:
         parts = [package.name, *path.relative_to(package).with_suffix("").parts]
         is_package = parts[-1] == "__init__"
         module = ".".join(parts[:-1] if is_package else parts)
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        found[module] = is_package, list(named(tree, module, is_package=is_package))
+        found[module] = is_package, names_in(path.read_text(encoding="utf-8"), module, is_package)
     found.pop(package.name, None)
     return found
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from unittest.mock import patch
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from mujoco.rollout import rollout as rollout_of_engine
 from numpy.typing import NDArray
 
 import duobench
@@ -22,12 +24,18 @@ from dev.benchmarks.environments import (
     in_pieces,
 )
 from dev.benchmarks.measure import Measurement, Work, seconds
+from duobench.core.types import SIDES, DuoCommand
+from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.batch_env import BatchEnv
+from duobench.envs.rewards import DENSE
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollouts import rollout
 from duobench.tasks.stages.progress import Progress
-from duobench.world.sim.simulation import Simulation
+from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT
+from duobench.world.scene.compose import SUBSTEPS
+from duobench.world.sim.simulation import STATE, Simulation
 
 JUDGED = 1024
 """Episodes that are judged at once."""
@@ -44,6 +52,7 @@ EPISODES, PROCESSES = 64, 16
 STEPS = 15 * PIECE
 """Control steps of each, less than any expert's episode has."""
 START = {"layout_seed": 0}
+PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 CONTROLS = int(mujoco.mjtState.mjSTATE_CTRL)
 
 
@@ -134,9 +143,9 @@ def _shortest(work: Callable[[], object], repeats: int) -> float:
 def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
     """Measure an expert's episode, many times side by side, against the bare engine and processes.
 
-    Bare is `mj_step` in one thread, and MuJoCo's own threads that do nothing else: where other work
-    keeps the processor busy, only the latter tells what two threads could do. Processes, of which
-    there are more, then get a larger share of it than threads.
+    Bare is `mj_step` or `mujoco.rollout` in one thread, and MuJoCo's own threads that do nothing
+    else: where other work keeps the processor busy, only the last tells what two threads could do.
+    Processes, of which there are more, then get a larger share of it than threads.
     """
     env = duobench.make(name, cameras=False)
     actions = expert_actions(env)[:STEPS]
@@ -146,15 +155,28 @@ def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
         duobench.make_vec(
             name, PROCESSES, "async", {"context": "spawn"}, cameras=False
         ),
+        duobench.make_vec(
+            name,
+            EPISODES,
+            threads=1,
+            action_mode=CARTESIAN.name,
+            object_state=True,
+            reward=DENSE,
+        ),
     ]
+    motions = actions, actions, actions, _tool_poses(actions)
     works = [
         bare_physics(env, actions),
         _engine(env, actions, threads=2),
-        *(_work(vector, actions) for vector in vectors),
+        _rollout(env, actions),
+        *(
+            _work(vector, motion)
+            for vector, motion in zip(vectors, motions, strict=True)
+        ),
     ]
-    counts = 1, EPISODES, EPISODES, EPISODES, PROCESSES
+    counts = 1, EPISODES, EPISODES, EPISODES, EPISODES, PROCESSES, EPISODES
     taken = seconds(*works, repeats=repeats)
-    bare, engine, one, two, processes = (
+    bare, engine, alone, one, two, processes, cartesian = (
         t / n for t, n in zip(taken, counts, strict=True)
     )
     for vector in (*vectors, env):
@@ -164,6 +186,7 @@ def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
         ("2 threads / (2 x bare mj_step)", bare / two / 2, 0.85),
         ("2 threads / engine on 2 threads", engine / two, 0.85),
         ("2 threads / AsyncVectorEnv", processes / two, 1.4),
+        ("1 thread, Cartesian, dense / mujoco.rollout", alone / cartesian, 0.8),
     ):
         yield Measurement(what=f"{name}: {what}", value=value, at_least=least)
     speed = len(actions) / two
@@ -185,6 +208,42 @@ def _engine(env: gym.Env, actions: NDArray[np.float32], threads: int) -> Work:
         )
 
     return Work(pieces=in_pieces(step, ramps), prepare=begin)
+
+
+def _rollout(env: gym.Env, actions: NDArray[np.float32]) -> Work:
+    """The motion of all episodes as `mujoco.rollout` plays it in one thread, a piece a call."""
+    model, (start, ramps) = sim_of(env).simulation.model, controls(env, actions)
+    data = mujoco.MjData(model)
+    mujoco.mj_setState(model, data, start, STATE)
+    first = np.empty(mujoco.mj_stateSize(model, PHYSICS))
+    mujoco.mj_getState(model, data, first, PHYSICS)
+    warmstarts = np.tile(data.qacc_warmstart, (EPISODES, 1))
+    states = np.empty((EPISODES, len(first)))
+    played = np.empty((EPISODES, PIECE * SUBSTEPS, len(first)))
+
+    def begin() -> None:
+        states[:] = first
+
+    def play(ramp: NDArray[np.float64]) -> None:
+        rollout_of_engine(
+            model, data, states, ramp, initial_warmstart=warmstarts, state=played
+        )
+        states[:] = played[:, -1]
+
+    pieces = np.concatenate(ramps).reshape(-1, PIECE * SUBSTEPS, model.nu)
+    return Work(pieces=[partial(play, piece) for piece in pieces], prepare=begin)
+
+
+def _tool_poses(actions: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return Cartesian actions (n, 16) along joint actions."""
+    kinematics, poses = Kinematics(ROBOT), []
+    for action in actions:
+        command = DuoCommand.from_flat(action)
+        tools = kinematics.forward(command.joints)
+        poses.append(
+            [[*tools[side].tquat, command.openings[side.index]] for side in SIDES]
+        )
+    return np.reshape(poses, actions.shape).astype(np.float32)
 
 
 def _work(vector: gym.vector.VectorEnv, actions: NDArray[np.float32]) -> Work:

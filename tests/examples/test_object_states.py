@@ -57,13 +57,18 @@ def exports(tmp_path_factory: pytest.TempPathFactory, demonstrations: Callable[.
 
 
 @pytest.fixture
-def example(monkeypatch: pytest.MonkeyPatch, exports: Path) -> None:
+def example(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(EXAMPLES))
+
+
+@pytest.fixture
+def checkpoint(monkeypatch: pytest.MonkeyPatch, exports: Path) -> None:
+    """Demonstrations that are played, where nothing else is."""
     monkeypatch.setenv("CHECKPOINT", str(exports / TASK))
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("example")
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_nearest_state_does_again_what_was_shown(exports: Path) -> None:
     from nearest import Nearest  # pyright: ignore[reportMissingImports]
 
@@ -77,7 +82,7 @@ def test_nearest_state_does_again_what_was_shown(exports: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("example")
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_nearest_state_is_evaluated_as_a_privileged_policy(exports: Path) -> None:
     for name in ("nearest.py", "demonstrations.py", "frames.py"):
         (exports / name).write_text((EXAMPLES / name).read_text())
@@ -90,7 +95,7 @@ def test_nearest_state_is_evaluated_as_a_privileged_policy(exports: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("example")
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_one_policy_plays_the_file_of_the_task_that_is_instructed(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -146,7 +151,8 @@ def test_grippers_open_late_and_stay_at_what_was_shown() -> None:
     assert switched(0.95, 0.9) == (1.0, 1.0)
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_demonstrations_are_cut_at_success_and_at_the_release(exports: Path) -> None:
     from demonstrations import (  # pyright: ignore[reportMissingImports]
         Demonstrations,
@@ -167,7 +173,7 @@ def test_demonstrations_are_cut_at_success_and_at_the_release(exports: Path) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("example")
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_joint_labels_are_played_as_they_are(exports: Path) -> None:
     from demonstrations import action_mode, to_actions  # pyright: ignore[reportMissingImports]
 
@@ -183,7 +189,7 @@ def test_joint_labels_are_played_as_they_are(exports: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("example")
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_what_cannot_be_learned_from_is_refused_with_what_to_export(exports: Path) -> None:
     import network  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
@@ -218,7 +224,8 @@ def test_what_cannot_be_learned_from_is_refused_with_what_to_export(exports: Pat
         network.train(whole, folder / "no.npz", 0)
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_nothing_is_played_without_a_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
     import nearest  # pyright: ignore[reportMissingImports]
     import network  # pyright: ignore[reportMissingImports]
@@ -308,7 +315,8 @@ def brief(passes: int) -> Any:
     return network.Training(held_out=2, least=passes, most=passes, every=1, decay=1, batch=64)
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     import network  # pyright: ignore[reportMissingImports]
@@ -363,7 +371,8 @@ def options(exports: Path, folder: Path, **words: object) -> SimpleNamespace:
     return SimpleNamespace(**usual | {"seeds": 1, "workers": 1} | words)
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_the_table_goes_on_where_it_was_stopped(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -388,7 +397,7 @@ def test_the_table_goes_on_where_it_was_stopped(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("example")
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_what_a_policy_achieved_is_there_to_be_learned_from(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -408,7 +417,8 @@ def test_what_a_policy_achieved_is_there_to_be_learned_from(
     assert np.array_equal(both.state[-own.lengths[0] :], own.state)
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_a_network_learns_from_what_the_one_before_it_achieved(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -443,7 +453,8 @@ def test_a_network_learns_from_what_the_one_before_it_achieved(
     assert learned == [2, 3]
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_success_is_told_by_demonstrations_and_passes(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -481,7 +492,8 @@ def test_the_interval_holds_the_spread_of_the_seeds() -> None:
     assert interval([1.0, 1.0], 100)[0] > 0.95
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_a_table_of_nothing_and_results_of_another_suite(exports: Path, tmp_path: Path) -> None:
     import table  # pyright: ignore[reportMissingImports]
 
@@ -498,7 +510,8 @@ def test_a_table_of_nothing_and_results_of_another_suite(exports: Path, tmp_path
         table.job(asked, TASK, 0)
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_a_run_of_another_state_of_the_code_is_told_with_what_to_do(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -513,7 +526,8 @@ def test_a_run_of_another_state_of_the_code_is_told_with_what_to_do(
         table.job(options(exports, tmp_path), TASK, 0)
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_a_killed_process_of_the_table_is_told_in_a_sentence(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -528,7 +542,8 @@ def kill_this_process(*_: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.usefixtures("example")
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
 def test_a_network_that_sees_images_is_trained_and_played(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

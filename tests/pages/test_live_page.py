@@ -56,6 +56,13 @@ ITEMS = [
 DRIVEN = STATUS | {"steps": None, "clutch": {"left": False, "right": False}, "state": "waiting"}
 
 
+HIGH_AT = """(milliseconds) => {
+  document.querySelector(".ping").textContent = `${milliseconds} ms to the server`;
+  return document.querySelector(".line-of-facts").clientHeight;
+}"""
+"""How high the line of facts is while the server takes some time to answer."""
+
+
 class Shown:
     """A server with a scene, and what its pages asked for."""
 
@@ -287,6 +294,22 @@ def test_page_says_that_the_world_stands_and_lets_it_run_alone(page: Page, shown
     shown.server.publish_status(led | {"pace": "alone", "alone": True})
     page.wait_for_selector("#alone[aria-pressed=true]")
     assert broken_rules(page) == []
+
+
+def test_line_of_facts_is_as_high_while_numbers_grow(page: Page, shown: Shown) -> None:
+    page.set_viewport_size({"width": 1240, "height": 780})
+    discard = Button(id="discard", words="Discard", message=Discard())
+    led = DRIVEN | {"state": "recording", "operator": "follower", "limit_s": 1800.0}
+    led |= {"panel": panel(discard, title="Recording")}
+    shown.server.publish_status(led | {"led_s": 1.0})
+    page.get_by_role("button", name="Drive").click()
+    page.get_by_text("You drive as follower", exact=True).wait_for()
+    heights = set()
+    for seconds in (1, 9, 10, 99, 100, 1799):
+        shown.server.publish_status(led | {"led_s": float(seconds)})
+        page.get_by_text(f"{seconds} of 1800 s led", exact=True).wait_for()
+        heights |= {page.evaluate(HIGH_AT, milliseconds) for milliseconds in (0, 12, 345, 6789)}
+    assert len(heights) == 1, heights
 
 
 def test_what_was_discarded_is_restored_by_a_button(page: Page, shown: Shown) -> None:

@@ -32,16 +32,24 @@ RECORD = f"{FOLDER}/00000.json"
 LAST = "records/turn/mine.sim.none.default/00003.json"
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> RunFolder:
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    """A run with its report, to copy."""
     run = sample_run()
-    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    folder = sample_folder(tmp_path_factory.mktemp("original") / "run", run, sample_records(run))
     with folder.writer() as journal:
         journal.start("duobench eval --policy mine", 1)
     folder.video(key(folder, LIFT.id, 0)).parent.mkdir(parents=True)
     folder.video(key(folder, LIFT.id, 0)).write_bytes(b"video")
     write_report(folder)
     return folder
+
+
+@pytest.fixture
+def folder(original: RunFolder, tmp_path: Path) -> RunFolder:
+    """A copy of its own, to spoil."""
+    shutil.copytree(original.path, tmp_path / "run")
+    return RunFolder(tmp_path / "run")
 
 
 @pytest.fixture

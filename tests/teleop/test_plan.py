@@ -159,7 +159,7 @@ def test_two_operators_lead_a_plan_and_given_up_layouts_come_back(tmp_path: Path
         ("bin_sort", episode_seed("bin_sort", 1, TRAIN), PERSON),
     }
     summary = summarize(DataSet(tmp_path))
-    takes = {(led.task, led.operator, led.device): led.takes for led in summary.leading}
+    takes = {(led.task, led.operator, led.device): led.begun for led in summary.leading}
     assert takes == {
         ("bin_sort", "person P07", "mouse"): 1,
         ("bin_sort", "person P08", "mouse"): 2,  # one was discarded

@@ -9,6 +9,7 @@ from duobench.core.types import SIDES, Array, Side
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.teleop.plumb import PlumbLines
+from duobench.world.objects.pot import HANDLE_OFFSET, HANDLE_Z
 
 CUBE = 0.032
 """Side of a cube of this task in metres."""
@@ -17,8 +18,8 @@ CUBE = 0.032
 class Table:
     """Arms over the table, led without a page."""
 
-    def __init__(self) -> None:
-        env = make_env("bin_sort", cameras=False, action_mode="cartesian", horizon=10_000)
+    def __init__(self, task: str = "bin_sort") -> None:
+        env = make_env(task, cameras=False, action_mode="cartesian", horizon=10_000)
         env.reset(seed=3)
         self._env = env
         self.env: SimEnv = sim_of(env)
@@ -69,3 +70,18 @@ def test_a_line_ends_at_what_lies_below_and_begins_where_what_is_held_ends(table
     assert start[2] == pytest.approx(lowest, abs=1e-5)
     assert height == pytest.approx(lowest, abs=1e-5)
     assert np.array_equal(start[:2], tool[:2])
+
+
+def test_who_holds_a_handle_holds_the_pot() -> None:
+    table = Table("carry_pot")
+    grasps = {
+        side: table.sim.pose("pot").apply((0.0, side.sign * HANDLE_OFFSET, HANDLE_Z))
+        for side in SIDES
+    }
+    for opening, up in ((0.45, 0.1), (0.45, 0.0), (0.0, 0.0)):
+        for side, (x, y, z) in grasps.items():
+            table.lead(side, to=(x, y, z + up), opening=opening)
+    for side in SIDES:
+        _tool, start, height = table.row(side)
+        assert start[2] == pytest.approx(table.sim.min_height("pot"), abs=1e-3)
+        assert height < 0.005  # it stands on the table

@@ -28,6 +28,7 @@ from duobench.teleop.teleoperation import (
     make_recorder,
 )
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT
 from tests.teleop.operator import HOMES, NEITHER, Operator, hand, led, message, said
 
 TASK = "carry_pot"
@@ -121,7 +122,7 @@ class Desk:
 
     def tools(self) -> dict[Side, SE3]:
         """Where the tools are commanded to be."""
-        return Kinematics().forward(self.session.env.base.backend.last_command.joints)
+        return Kinematics(ROBOT).forward(self.session.env.base.backend.last_command.joints)
 
     def is_at(self, places: dict[Side, SE3], tolerance: float) -> bool:
         tools = self.tools()
@@ -288,7 +289,7 @@ def test_the_world_stands_still_while_nobody_leads_and_goes_on_without_a_jump(de
     assert data is not None
     (path,), (recording,) = data.episodes(), desk.recordings()
     np.testing.assert_allclose(np.diff(recording.time), 1 / CONTROL_HZ)
-    take = leading.Take.of(recording)
+    take = leading.LedEpisode.of(recording)
     assert take is not None
     seconds = (Recorded.read(path).take(data.reviews).led_s, take.led_s)
     assert seconds == pytest.approx((led_s, led_s), abs=0.05), "one number on all pages"

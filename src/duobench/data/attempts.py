@@ -49,7 +49,7 @@ class Attempt:
     layout: int | None = field(default=None, compare=False)
     """Index of its layout in its split; None where that is the index of the episode."""
     actor: Actor | None = field(default=None, compare=False)
-    """Who led it, if a person or a program in the place of one did."""
+    """Person who led it, or program in a person's place; None where neither did."""
 
     @property
     def of_layout(self) -> int:

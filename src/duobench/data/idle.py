@@ -16,9 +16,10 @@ from duobench.data.recording import Recording
 from duobench.data.used_rows import Span
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
+from duobench.world.robot.frames import Robot
 
 STILL = 1e-4
-"""An object that moves by less in a step is at rest, in metres."""
+"""Motion in a step below which an object is at rest, in metres."""
 STILL_TOOL = 5e-4
 """The same of a tool as measured: joints are noisy, and settle long after all else."""
 STILL_ANGLE = 1e-3
@@ -30,11 +31,12 @@ STILL_OPENING = 5e-3
 STILL_TARGET = 1e-4
 """The same of a commanded target, in radians or as an opening."""
 DRIFT = 10.0
-"""How often as far anything may move all through rows that are left out: objects 1 mm, 10 mrad."""
+"""Multiple of the motions above that adjacent rows left out may add up to: 1 mm, 10 mrad."""
 SEAM = 1e-4
-"""How much farther than ever in a step anything may go where rows are left out, in its units."""
+"""Excess over the longest step of the episode that a step across rows left out may have, in its
+units."""
 _PLACE = (STILL, 3)
-"""What counts as rest of an object's place, and how many numbers it has."""
+"""Rest of an object's place, and how many numbers it has."""
 _ROTATION = (STILL_ANGLE / 2, 4)
 """The same of a quaternion, whose numbers are those of half the angle."""
 _QPOS = 1
@@ -46,11 +48,11 @@ def idle_rows(
     task: str,
     span: Span,
 ) -> NDArray[np.bool_]:
-    """Which rows of some that follow each other are idle.
+    """Tell which rows of a span are idle, (rows,).
 
-    What is seen behind rows that are left out is, but for a small drift, what the last one that is
-    used led to, and no joint, place or rotation is farther from that one than a step leads it
-    somewhere in the episode. A slow motion keeps as many rows as that needs.
+    A row is idle if nobody leads, no judgement changes, and joints, tools, objects and targets are
+    still where the last used row left them, but for a small drift. No step from a used row to the
+    next one is longer than the longest step of the episode, so that a slow motion keeps some rows.
     """
     first, end = span
     poses, rests, counts = _poses(recording, task)
@@ -100,7 +102,7 @@ def _poses(
     parts += [(STILL_TOOL, 3), _ROTATION] * len(SIDES)
     poses: list[NDArray[Any]] = [recording.agent_pos, recording.tcp_pose]
     if not recording.info.is_real:
-        coordinates = _coordinates(task)
+        coordinates = _coordinates(task, recording.info.robot)
         parts += coordinates
         size = sum(count for _, count in coordinates)
         poses.append(recording.state[:, _QPOS : _QPOS + size])
@@ -109,14 +111,14 @@ def _poses(
 
 
 @lru_cache(maxsize=1)
-def _coordinates(task: str) -> list[tuple[float, int]]:
+def _coordinates(task: str, robot: Robot) -> list[tuple[float, int]]:
     """The same of the coordinates of a task's simulation."""
     # Recordings of real arms do without the engine.
     import mujoco
 
     from duobench.world.sim.simulation import Simulation
 
-    model = Simulation(catalog.get(task).props).model
+    model = Simulation(catalog.get(task).props, robot=robot).model
     parts_of = {
         mujoco.mjtJoint.mjJNT_FREE: [_PLACE, _ROTATION],
         mujoco.mjtJoint.mjJNT_BALL: [_ROTATION],

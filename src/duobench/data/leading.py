@@ -1,6 +1,7 @@
-"""What operators have led, by task, operator and device: from recordings and noted attempts.
+"""Episodes that operators have led, by task, operator and device.
 
-Attempts that were discarded count too, so that shares of successes are those of all that was begun.
+They come from recordings and from the log of attempts. Those that were discarded count too, so that
+shares of successes are those of all that was begun.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,12 +14,12 @@ from duobench.data.recording import Recording
 from duobench.data.schema import PEOPLE
 
 UNKNOWN = "unknown"
-"""Device of a take that does not say it."""
+"""Device of an episode that does not say it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Take:
-    """One episode that an operator has begun."""
+class LedEpisode:
+    """Episode that an operator has begun, kept or not."""
 
     task: str
     operator: str
@@ -31,14 +32,19 @@ class Take:
     """Seconds in which the world ran until success, or until the end; None if they are not
     known."""
 
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Task, operator and device."""
+        return self.task, self.operator, self.device
+
     @staticmethod
-    def of(recording: Recording) -> "Take | None":
-        """The take of a recording; None if a policy began it."""
+    def of(recording: Recording) -> "LedEpisode | None":
+        """The episode of a recording; None if a policy began it."""
         info = recording.info
         if info.actor.kind not in PEOPLE:
             return None
         outcome = info.outcome
-        return Take(
+        return LedEpisode(
             task=info.task,
             operator=info.actor.words,
             device=info.actor.device or UNKNOWN,
@@ -50,13 +56,12 @@ class Take:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Leading:
-    """Takes of one task that one operator has led with one device."""
+    """Sum of the episodes of one task that one operator has led with one device."""
 
     task: str
     operator: str
     device: str
-    takes: int
-    """Number of episodes that were begun."""
+    begun: int
     successes: int
     stage: float
     """Highest stage that was reached, in the mean."""
@@ -64,10 +69,12 @@ class Leading:
     """Median of the led seconds until success; None without a recorded success."""
 
 
-def takes_without_file(attempts: Iterable[Attempt], names: set[str]) -> list[Take]:
-    """Return the takes of attempts whose episodes have no file, by the names of those that have."""
+def episodes_without_file(
+    attempts: Iterable[Attempt], names: set[str]
+) -> list[LedEpisode]:
+    """Return episodes of attempts that have no file, by the names of those that have."""
     return [
-        Take(
+        LedEpisode(
             task=each.task,
             operator=each.actor.words,
             device=each.actor.device or UNKNOWN,
@@ -82,27 +89,24 @@ def takes_without_file(attempts: Iterable[Attempt], names: set[str]) -> list[Tak
     ]
 
 
-def add_up(takes: Sequence[Take]) -> tuple[Leading, ...]:
-    """Add takes up, in the order of their tasks, operators and devices."""
-    keys = sorted({(each.task, each.operator, each.device) for each in takes})
-    return tuple(
-        _added(
-            [each for each in takes if (each.task, each.operator, each.device) == key]
-        )
-        for key in keys
-    )
+def add_up(episodes: Sequence[LedEpisode]) -> tuple[Leading, ...]:
+    """Add episodes up, in the order of their tasks, operators and devices."""
+    keys = sorted({each.key for each in episodes})
+    return tuple(_added([each for each in episodes if each.key == key]) for key in keys)
 
 
-def _added(takes: Sequence[Take]) -> Leading:
-    """Add up takes of one task, operator and device."""
-    first = takes[0]
-    seconds = [each.led_s for each in takes if each.success and each.led_s is not None]
+def _added(episodes: Sequence[LedEpisode]) -> Leading:
+    """Add up episodes of one task, operator and device."""
+    first = episodes[0]
+    seconds = [
+        each.led_s for each in episodes if each.success and each.led_s is not None
+    ]
     return Leading(
         task=first.task,
         operator=first.operator,
         device=first.device,
-        takes=len(takes),
-        successes=sum(each.success for each in takes),
-        stage=mean(each.stage for each in takes),
+        begun=len(episodes),
+        successes=sum(each.success for each in episodes),
+        stage=mean(each.stage for each in episodes),
         led_s=median(seconds) if seconds else None,
     )

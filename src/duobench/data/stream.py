@@ -166,7 +166,7 @@ class EpisodeStream(EpisodeRows):
         self._start = self._file.tell()
 
     def note(self, **facts: Any) -> None:
-        """Note facts, also in the file; there they have to fit into the room that is left."""
+        """Note facts; in the file too, if they fit into the room of its head."""
         super().note(**facts)
         room = self._start - _LENGTH_BYTES
         text = self._head_text(self.info).ljust(room)
@@ -177,7 +177,7 @@ class EpisodeStream(EpisodeRows):
                 self._file.flush()
 
     def _head_text(self, info: EpisodeInfo) -> bytes:
-        """The head of the file, as it is written for some facts."""
+        """Head of the file with some facts, as it is written."""
         return encode(replace(self._head, info=info), SCHEMA).encode(errors="replace")
 
     def append(self, row: Mapping[str, Any]) -> None:

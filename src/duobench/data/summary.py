@@ -25,9 +25,9 @@ from duobench.data.attempts import (
 from duobench.data.dataset import DataSet
 from duobench.data.leading import (
     Leading,
-    Take,
+    LedEpisode,
     add_up,
-    takes_without_file,
+    episodes_without_file,
 )
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
@@ -49,7 +49,7 @@ JUMP = 0.05
 """A step longer or shorter than the one before by more than this is a jump, in radians: 45 rad/s²,
 where an FR3 allows 10 rad/s²."""
 MOST_NAMED = 20
-"""Layouts that are named of those that were given up: a line or two."""
+"""Most given-up layouts that are named: a line or two."""
 _JOINTS = [place for place in range(FLAT_SIZE) if place not in OPENING_SLOTS]
 """Places of the joints among the 16 numbers of a command."""
 _RANGES = np.tile(JOINT_RANGES, (len(SIDES), 1))
@@ -110,10 +110,8 @@ class TaskSummary:
     """Rows that exports leave out by default, for each reason."""
     reviewed: int = 0
     """Episodes about which something was said at a second look that stands."""
-
     attempts: tuple[Attempt, ...] = ()
     """Episodes that were begun for the data set, as far as that was noted."""
-
     takeovers: dict[str, int] = field(default_factory=dict)
     """Take-overs of a policy, by the reason that was given; empty words without one."""
 
@@ -185,7 +183,7 @@ class Summary:
     differences: dict[str, str] = field(default_factory=dict)
     """Differences of files from noted attempts, by task, in words."""
     leading: tuple[Leading, ...] = ()
-    """What operators have led, by task, operator and device."""
+    """Episodes that operators have led, added up by task, operator and device."""
 
     @property
     def episodes(self) -> int:
@@ -232,10 +230,10 @@ def summarize(data: DataSet) -> Summary:
     differences = {
         task: words for task, each in compared(data).items() if (words := str(each))
     }
-    led: list[Take | None] = []
+    led: list[LedEpisode | None] = []
     for task in led_tasks(data):
         files = {path.stem for path in data.episodes(task)}
-        led += takes_without_file(of_task(data, task), files)
+        led += episodes_without_file(of_task(data, task), files)
     for task in data.tasks:
         recordings = []
         unused = Counter[Reason]()
@@ -256,7 +254,7 @@ def summarize(data: DataSet) -> Summary:
                 within=judgement.rows,
             )
             unused.update(rows.left_out)
-            led.append(Take.of(recording))
+            led.append(LedEpisode.of(recording))
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))

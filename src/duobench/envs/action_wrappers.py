@@ -20,7 +20,6 @@ from duobench.core.types import (
     SIDE_SIZE,
     SIDES,
     Array,
-    DuoCommand,
     Side,
 )
 from duobench.envs import spaces
@@ -219,7 +218,7 @@ class CartesianActions(ActionModeWrapper):
 
     def __init__(self, env: gym.Env) -> None:
         super().__init__(env)
-        self.kinematics = Kinematics()
+        self.kinematics = Kinematics(self.base.backend.robot)
         """The solver, for wrappers outside this one."""
 
     def check_action(self, action: Any) -> Array:
@@ -247,18 +246,19 @@ class CartesianActions(ActionModeWrapper):
         """Advance one control step towards the poses."""
         poses = self.check_action(action)
         joints = self.base.backend.last_command.joints
-        return self.env.step(joint_targets(self.kinematics, joints, poses))
+        return self.env.step(
+            joint_targets(self.kinematics, joints[None], poses[None])[0]
+        )
 
 
 def joint_targets(kinematics: Kinematics, joints: Array, poses: Array) -> Array:
-    """Joint action of a step from commanded joints (2, 7) towards a Cartesian action (16,)."""
-    rows = poses.reshape(len(SIDES), SIDE_SIZE)
-    targets = {side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES}
-    command = DuoCommand(
-        joints=kinematics.step(joints, targets),
-        openings=rows[:, ARM_JOINTS],
-    )
-    return command.flat
+    """Joint actions (n, 16) of a step each from commanded joints (n, 2, 7) towards poses (n, 16).
+
+    The poses are Cartesian actions, and their openings those of the joint actions.
+    """
+    actions = poses.reshape(-1, len(SIDES), SIDE_SIZE).copy()
+    actions[..., :ARM_JOINTS] = kinematics.step_all(joints, actions[..., :ARM_JOINTS])
+    return actions.reshape(poses.shape)
 
 
 class ActionChunks(DuoWrapper):

@@ -386,6 +386,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         )
         for limits in self._limits:
             within = limits.clip(within, self._sent, measured, velocities)
+        gripper = self._base.backend.robot.gripper
+        waits = np.flatnonzero(~gripper.takes_target(self._steps))[:, None]
+        within[waits, OPENINGS] = self._sent[waits, OPENINGS]
         self._sent[where] = within[where]
         worlds = np.flatnonzero(where)
         if len(worlds):
@@ -403,18 +406,23 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             targets += actions
             targets[:, OPENINGS] = actions[:, OPENINGS]
             return targets
-        joints = targets.reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS].copy()
-        for number in np.flatnonzero(where).tolist():
-            poses = actions[number]
-            if self._mode is CARTESIAN_RELATIVE:
-                poses, self._tool_targets[number] = displaced_poses(
-                    self._kinematics,
-                    joints[number],
-                    self._tool_targets[number],
-                    poses,
-                )
-            targets[number] = joint_targets(self._kinematics, joints[number], poses)
+        numbers = np.flatnonzero(where)
+        if not len(numbers):
+            return targets
+        joints = targets[numbers].reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS]
+        poses = actions[numbers]
+        if self._mode is CARTESIAN_RELATIVE:
+            rows = zip(numbers.tolist(), joints, poses, strict=True)
+            poses = np.array([self._displaced(*row) for row in rows])
+        targets[numbers] = joint_targets(self._kinematics, joints, poses)
         return targets
+
+    def _displaced(self, number: int, joints: Array, displacements: Array) -> Array:
+        """The Cartesian action (16,) that a relative one means for an episode, and add it up."""
+        poses, self._tool_targets[number] = displaced_poses(
+            self._kinematics, joints, self._tool_targets[number], displacements
+        )
+        return poses
 
     def _checked(self, actions: Any) -> Array:
         """Chunks of actions (n, length, k) as numbers that could be executed, or an error."""

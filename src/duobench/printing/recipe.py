@@ -170,7 +170,7 @@ def _part(
 def _filament(
     part: PrintedPart, changes: Sequence[tuple[float, Colour]]
 ) -> dict[str, float]:
-    """Filament of a part in g by colour, which changes at heights in metres."""
+    """Grams of filament of a part by colour; colours change at heights in metres."""
     whole = manifold_from(part.mesh)
     top = float(part.size[2])
     grams: dict[str, float] = {}

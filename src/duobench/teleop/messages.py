@@ -97,7 +97,7 @@ class Discard(PageMessage, frozen=True):
 
 
 class Restore(PageMessage, frozen=True):
-    """Keep the episode that was discarded last after all."""
+    """Ask again about the episode that was discarded last."""
 
 
 class Hold(PageMessage, frozen=True):
@@ -179,7 +179,7 @@ class Inbox:
         self._is_fuller = threading.Event()
 
     def put(self, message: Message | None, now_s: float) -> None:
-        """Let a message wait, with when it arrived; None says that the operator has gone."""
+        """Let a message wait, with its time of arrival; None says that the operator has gone."""
         self._waiting.append((message, now_s))
         self._is_fuller.set()
 

@@ -1,6 +1,6 @@
 """Pace of a session: the world runs while an operator leads, and then until all is at rest.
 
-Who thinks and looks leads nothing: then the world stands still, and nothing is recorded.
+While the operator thinks or looks, the world stands still, and nothing is recorded.
 """
 
 from collections import deque
@@ -40,11 +40,11 @@ class Phase(StrEnum):
 class Movement:
     """Tells numbers that move from noise.
 
-    They move where their mean over the last turns is further from where they moved last than they
-    may be by noise. So a slow motion is seen as well as a quick one, only later.
+    Numbers move once their mean over the last turns has left its value at the last motion by more
+    than noise. So a slow motion is seen as well as a quick one, only later.
 
     Args:
-        noise: How far each may be from there.
+        noise: Largest change of each that may be noise.
     """
 
     def __init__(self, noise: ArrayLike) -> None:
@@ -85,9 +85,12 @@ class Pace:
         *,
         ends: bool = False,
     ) -> bool:
-        """Whether the world runs in this turn, in which the operator wants something.
+        """Whether the world runs in this turn.
 
-        Fingers that move are led, whatever the clutches do. What `ends` by itself needs no leading.
+        Args:
+            intent: Wish of the operator; moving fingers count as leading, whatever the clutches do.
+            state: State of the arms.
+            ends: Whether the episode ends by itself, so that the world goes on without leading.
         """
         asked = intent.action[opening_slots(len(intent.action))]
         grips = self._openings.sees(np.concatenate([asked, state.openings]))

@@ -1,4 +1,4 @@
-"""How high each tool is above what lies below it, as the page draws it."""
+"""Height of each tool above the surface below it, as the page draws it."""
 
 import mujoco
 import numpy as np
@@ -17,8 +17,8 @@ class PlumbLines:
     """A line from each tool straight down to what lies below it.
 
     It passes through the tool's own arm and through what its fingers hold. While they hold
-    something, the line begins at the height of its lowest point: what is told is then how far it
-    may be lowered.
+    something, the line begins at the height of the lowest point of that, and its length says how
+    far the tool may be lowered.
 
     Args:
         sim: The simulation, whose kinematics are up to date whenever it is asked.
@@ -49,6 +49,14 @@ class PlumbLines:
             }
             for prop in sim.props
         }
+        self._rigid = {
+            name: [
+                name,
+                *(prop.part_name(part.name) for part in prop.parts if not part.hinge),
+            ]
+            for name, prop in sim.props.items()
+            if not prop.fixed
+        }
         self._ignored: set[int] = set()
         if not has_objects:
             self._ignored = set().union(*self._props.values())
@@ -75,14 +83,13 @@ class PlumbLines:
         return [x, y, z, x, y, max(start, below), max(start - below, 0.0)]
 
     def _held(self, side: Side) -> list[str]:
-        """The free props that a gripper holds."""
+        """The free props that a gripper holds, at any part that does not turn on them."""
         if self._ignored:
             return []
-        contacts = self._sim.contacts
         return [
             name
-            for name, prop in self._sim.props.items()
-            if not prop.fixed and contacts.grasped(side, name)
+            for name, bodies in self._rigid.items()
+            if any(self._sim.contacts.grasped(side, body) for body in bodies)
         ]
 
     def _below(

@@ -99,8 +99,8 @@ class PolicyLeader:
         """The next action; None while the policy thinks.
 
         Raises:
-            PolicyError: The policy failed. It may be asked again, and begins anew then, as
-                a server must that was started again.
+            PolicyError: The policy failed. The next call resets it first, since its server may
+                have been started again.
         """
         if not self._chunk:
             answer = self._answer or self._ask()
@@ -210,7 +210,7 @@ class SharedControl:
             self._policy.begin(info)
 
     def start(self) -> None:
-        """The operator begins the episode: the squeeze that does is no take-over."""
+        """Begin to lead: the squeeze that began the episode is no take-over."""
         if self._policy is not None:
             self._device.let_go()
             self.note = PAUSED if self.is_paused else LEADS

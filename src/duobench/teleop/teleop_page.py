@@ -26,7 +26,7 @@ from duobench.world.robot.cameras import View
 _QUIET = ("step", "led_s", "lost")
 """Fields of a status that change all the time, sent once in a while or with others."""
 _TURNS = 6
-"""Turns of the loop after which it is sent at the latest: a drag is measured where the tool is."""
+"""Most turns of the loop between statuses: pages measure a drag from where they say the tool is."""
 LEADING_VIEW = View(
     eye=(-0.12, 0.0, 1.45),
     target=(0.47, 0.0, 0.1),

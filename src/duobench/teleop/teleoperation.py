@@ -66,6 +66,7 @@ from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.web.messages import SelectItem
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 TIME_LIMIT_S = 600.0
 """Seconds that an episode may be led: over twenty times the horizon of every task. Thinking is not
@@ -148,13 +149,13 @@ class Teleoperation:
     calls `advance` thirty times a second, or once for each message; see `teleop_page.run`.
 
     Args:
-        env: What records, with review and clutch; see `make_recorder`.
-        device: What the operator leads with.
+        env: Environment that records, with review and clutch; see `make_recorder`.
+        device: Device that the operator leads with.
         episodes: How many layouts are wanted, those of earlier sessions in the same data set
             counted.
         times: How many episodes of each are wanted.
         tasks: Ids of tasks of which the operator may choose the next one, see `chosen`.
-        instruction: What the operator says that the arms will do; empty for the task's own.
+        instruction: Instruction of the operator; empty for the task's own.
         lockstep: Whether each message of hands is one turn, and nothing moves between.
         policy: Policy that leads until the operator takes over, in whose action mode the
             environment is.
@@ -312,7 +313,7 @@ class Teleoperation:
 
     @property
     def state(self) -> TeleopState:
-        """State of the episode, or of one that was restored, once it is asked about."""
+        """State of the episode; `DECIDE` too while the operator is asked about a restored one."""
         if self._question:
             return TeleopState.DECIDE
         if self._is_held:
@@ -819,6 +820,7 @@ def make_recorder(
     metadata: PolicyMetadata | None = None,
     time_limit_s: float = TIME_LIMIT_S,
     look: str | Look = DEFAULT,
+    gripper: str = DEFAULT_GRIPPER,
 ) -> Recorder:
     """An environment on layouts of the split `train`, recorded with clutches and reviewed.
 
@@ -827,11 +829,12 @@ def make_recorder(
     Args:
         task: A task, its id, or its import path "module:ATTRIBUTE".
         data: Data set that episodes are added to, or its folder; None keeps each in memory.
-        actor: Who leads, and with which device.
+        actor: Operator who leads, with the device.
         action_mode: That of the device, where no policy plays.
         metadata: Expectations of the policy that plays.
         time_limit_s: Seconds that an episode may be led before it is truncated; see `horizon_of`.
         look: How images of the episodes look, unless they are rendered with another one.
+        gripper: Gripper on the arms; see `EnvConfig`.
 
     Raises:
         UnknownNameError: There is no such task, action mode or look.
@@ -847,6 +850,7 @@ def make_recorder(
         split=TRAIN,
         horizon=horizon_of(time_limit_s),
         look=look,
+        gripper=gripper,
     )
     return Recorder(
         env,

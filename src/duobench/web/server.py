@@ -87,7 +87,7 @@ class Peer:
     def __init__(self, connection: ServerConnection) -> None:
         self._connection = connection
         self.page = _page_of(connection)
-        """Page that connects, by a name that it made up; empty for a program without one."""
+        """Name that the page made up for itself; empty for a program without one."""
         self.waiting: dict[str, str | bytes] = {}
         """Messages still to be sent, by slot."""
         self._changed = asyncio.Event()

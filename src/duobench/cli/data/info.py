@@ -102,7 +102,7 @@ def _leading(summary: Summary) -> Table:
     rows = table(whole("Task"), "Operator", "Device", *columns)
     for led in summary.leading:
         seconds = "–" if led.led_s is None else f"{led.led_s:.1f}"
-        numbers = (f"{led.takes}", f"{led.successes}", f"{led.stage:.1f}", seconds)
+        numbers = (f"{led.begun}", f"{led.successes}", f"{led.stage:.1f}", seconds)
         rows.add_row(led.task, led.operator, led.device, *numbers)
     rows.caption = (
         "Takes: all that were begun, discarded ones too. Led: median, until success."

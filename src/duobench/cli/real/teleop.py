@@ -58,29 +58,24 @@ def run(
     from duobench.results.suite import find_tasks
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
-        led_by, actor = leading.open(ending)
-        source = leading.find_policy(
-            partial(find_rig_policy, tasks=find_tasks((task,))), ending
-        )
+        tasks = find_tasks((task,))
         duo = rig.open()
+        led_by = leading.open(ending, partial(find_rig_policy, tasks=tasks), duo.robot)
         terminal = ending.enter_context(closing(KeyTerminal()))
         recorder = make_real_recorder(
             duo,
             task,
             out,
-            actor,
-            action_mode=led_by.action_mode,
-            metadata=None if source is None else source.metadata,
-            time_limit_s=leading.limit,
+            led_by.actor,
+            **led_by.recorder_settings,
         )
         ending.callback(recorder.close)
         session = RigTeleoperation(
             recorder,
-            led_by,
+            led_by.device,
             terminal,
             episodes=episodes,
-            policy=leading.play(source, recorder),
-            **leading.settings,
+            **led_by.session_settings(recorder),
         )
         ending.enter_context(session)
         server = page.serve()

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from duobench.teleop.policy_leader import PolicyLeader
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.web.server import PageServer
+    from duobench.world.robot.frames import Robot
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,23 +48,35 @@ class LeadingOptions:
     """A control step for each message of the page that leads, and none without messages: for
     machines that are too slow for real time, and on a rig for drivers without hardware."""
 
-    def open(self, ending: ExitStack) -> tuple[TeleopDevice, Actor]:
-        """Device of the operator, which `ending` lets go of, and the actor that is recorded."""
+    def open(
+        self,
+        ending: ExitStack,
+        find_policy: Callable[[str], PolicySource],
+        robot: Robot,
+    ) -> LedBy:
+        """Open what leads the arms of a robot, which `ending` lets go of."""
         from duobench.data import Actor, ActorKind
         from duobench.teleop.hands import HandDevice
         from duobench.teleop.leaders.device import LeaderDevice
 
         self._check_words()
         if self.leader is None:
-            led_by = HandDevice(lockstep=self.lockstep)
+            device = HandDevice(lockstep=self.lockstep, robot=robot)
         else:
-            source = _joint_source(self.leader)
-            source.connect()
-            ending.callback(source.close)
-            led_by = LeaderDevice(source)
+            arms = _joint_source(self.leader)
+            arms.connect()
+            ending.callback(arms.close)
+            device = LeaderDevice(arms, robot)
         kind = ActorKind.SCRIPTED_OPERATOR if self.scripted else ActorKind.PERSON
-        return led_by, Actor(
-            kind=kind, name=self.operator, device=led_by.led_by or None
+        source = None
+        if self.policy is not None:
+            source = find_policy(self.policy)
+            ending.callback(source.close)
+        return LedBy(
+            options=self,
+            device=device,
+            actor=Actor(kind=kind, name=self.operator, device=device.led_by or None),
+            source=source,
         )
 
     def _check_words(self) -> None:
@@ -81,43 +94,47 @@ class LeadingOptions:
             except msgspec.ValidationError as error:
                 raise AdvisedError(f"{option} cannot be recorded: {error}.") from error
 
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LedBy:
+    """Device of the operator, and the policy that plays, if one does."""
+
+    options: LeadingOptions
+    device: TeleopDevice
+    actor: Actor
+    """Operator as recorded."""
+    source: PolicySource | None
+
     @property
-    def settings(self) -> dict[str, Any]:
-        """Settings of a session."""
+    def recorder_settings(self) -> dict[str, Any]:
+        """Settings of the environment that records."""
         return {
-            "instruction": self.instruction,
-            "lockstep": self.lockstep,
+            "action_mode": self.device.action_mode,
+            "metadata": None if self.source is None else self.source.metadata,
+            "time_limit_s": self.options.limit,
         }
 
-    def find_policy(
-        self,
-        find: Callable[[str], PolicySource],
-        ending: ExitStack,
-    ) -> PolicySource | None:
-        """The policy that plays, if one does, which `ending` lets go of."""
-        if self.policy is None:
-            return None
-        source = find(self.policy)
-        ending.callback(source.close)
-        return source
+    def session_settings(self, env: gym.Env) -> dict[str, Any]:
+        """Settings of a session in an environment."""
+        return {
+            "instruction": self.options.instruction,
+            "lockstep": self.options.lockstep,
+            "policy": self._play(env),
+        }
 
-    def play(
-        self,
-        source: PolicySource | None,
-        env: gym.Env,
-    ) -> PolicyLeader | None:
+    def _play(self, env: gym.Env) -> PolicyLeader | None:
         """The policy as it leads in an environment."""
-        if source is None or self.policy is None:
+        if self.source is None or self.options.policy is None:
             return None
         from duobench.evaluation.policies import actor_of, parse_choice
         from duobench.teleop.policy_leader import PolicyLeader
 
-        choice = parse_choice(self.policy)
+        choice = parse_choice(self.options.policy)
         return PolicyLeader(
             env,
-            source.bind(env),
-            actor_of(choice, source.metadata),
-            waits=self.lockstep or choice.kind.is_scripted,
+            self.source.bind(env),
+            actor_of(choice, self.source.metadata),
+            waits=self.options.lockstep or choice.kind.is_scripted,
         )
 
 

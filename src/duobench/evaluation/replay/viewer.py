@@ -51,7 +51,7 @@ class SetPlaying(PageMessage, frozen=True, tag="play"):
 
 
 class ReviewTake(PageMessage, frozen=True, tag="review"):
-    """What somebody says about a take, of those sources that take it; see `Reviews.add`."""
+    """Word of a visitor about a recording, at a second look; see `Reviews.add`."""
 
     id: Annotated[str, msgspec.Meta(max_length=300)]
     by: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)] = ""
@@ -70,10 +70,10 @@ class Viewer:
     All of them see the same. Nothing moves without a visitor.
 
     Args:
-        source: What can be viewed; closed at the end of `run`.
+        source: Items that can be viewed; closed at the end of `run`.
         server: The page, which takes its messages here from now on.
-        refresh: Called every second; gives what else is shown, and items may have come. At the end
-            it is told that it is the last time.
+        refresh: Called every second, with whether it is the last time; gives further fields of the
+            status, and may add items to the source.
     """
 
     def __init__(
@@ -185,7 +185,7 @@ class Viewer:
         self._publish()
 
     def _review(self, command: ReviewTake) -> None:
-        """Write down what a visitor says about a take; an error is said on the page."""
+        """Write down what a visitor says about a recording; the page shows an error."""
         if not isinstance(self._source, DataSource):
             return
         said = {

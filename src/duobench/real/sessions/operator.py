@@ -58,10 +58,10 @@ class Operator(Protocol):
     def listen(self, call: KeyCall | None) -> KeyCall | None:
         """Give every key to a call at once, from any thread; None ends it.
 
-        One who has gone gives an empty text.
+        An operator who has gone gives an empty text.
 
         Returns:
-            The call that this one takes the place of.
+            The call that received keys until now.
         """
         ...
 
@@ -79,8 +79,8 @@ def listening(operator: Operator, call: KeyCall) -> Iterator[None]:
 def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
     """Let the operator clear the way home; False if the operator ends the session instead.
 
-    That is a fault, a gripper that is not active, and what the hands hold. Who has looked presses a
-    key for each; any that counts at once holds the fingers.
+    In the way are a fault, a gripper that is not active, and what the hands hold: the operator
+    presses a key for each. While fingers move, the space bar stops them.
     """
     while (hindrance := find_hindrance(duo)) is not None:
         # Objects are taken first.

@@ -17,6 +17,20 @@ STEPS = (READY, HOME, PLACED)
 BETWEEN_FINGERS = "Take away what is between the fingers, which will close and open."
 TO_HOME = "Clear the space of the arms: they go home slowly, and open their grippers."
 TO_PLACE = "Place the objects, then step back: the arms may move."
+RECOVER_BUTTON = Button(
+    id="recover",
+    words="I have looked: recover",
+    message=messages.Recover(),
+    key="r",
+    is_next=True,
+)
+ACTIVATE_BUTTON = Button(
+    id="activate",
+    words="Nothing is between the fingers: activate",
+    message=messages.Activate(),
+    key="a",
+    is_next=True,
+)
 HOME_BUTTON = Button(
     id="home",
     words="Nobody is near: home",
@@ -46,26 +60,12 @@ class Hindrance:
 def find_hindrance(duo: FrankaDuo) -> Hindrance | None:
     """Return what has to be cleared first; None where the arms may go home."""
     inactive, holding = duo.hands.to_activate, duo.hands.holding
-    activate = Button(
-        id="activate",
-        words="Nothing is between the fingers: activate",
-        message=messages.Activate(),
-        key="a",
-        is_next=True,
-    )
     if duo.fault is not None:
         todo = f"Something is wrong: {duo.fault.text} Set it right, then recover."
-        recover = Button(
-            id="recover",
-            words="I have looked: recover",
-            message=messages.Recover(),
-            key="r",
-            is_next=True,
-        )
-        buttons = (recover,)
+        buttons = (RECOVER_BUTTON,)
         if inactive:
             todo += f" To activate the {_named(inactive)} gripper may clear it. {BETWEEN_FINGERS}"
-            buttons = (recover, replace(activate, is_next=False))
+            buttons = (RECOVER_BUTTON, replace(ACTIVATE_BUTTON, is_next=False))
         return Hindrance(
             todo=todo,
             why_not="a fault stands",
@@ -76,7 +76,7 @@ def find_hindrance(duo: FrankaDuo) -> Hindrance | None:
         return Hindrance(
             todo=f"Not active since it was switched on: the {which} gripper. {BETWEEN_FINGERS}",
             why_not=f"the {which} gripper is not active",
-            buttons=(activate,),
+            buttons=(ACTIVATE_BUTTON,),
         )
     if holding:
         which = _named(holding)

@@ -160,7 +160,7 @@ class RigTeleoperation(Teleoperation):
         """Take a message; a hold and the word that a stage is reached act at once.
 
         Raises:
-            DuoBenchError: It is not for this state.
+            DuoBenchError: The message is not for this state.
         """
         rig = self._real.rig
         match message:
@@ -329,7 +329,7 @@ class RigTeleoperation(Teleoperation):
             self._info = {**self._info, "stage": stage, "success": is_solved}
 
     def _make_ready(self, message: PageMessage) -> None:
-        """Do a step before the episode; what hinders it is said."""
+        """Do a step of making ready; the note says what hinders it."""
         if self._state is not TeleopState.MAKING_READY:
             return
         rig = self._real.rig
@@ -478,7 +478,7 @@ class RigTeleopPage(TeleopPage):
         self._real = cast("RealEnv", session.env.base)
         self._heard = time.monotonic()
         task = self._real.definition
-        self._picture = Simulation(task.props, task.overview)
+        self._picture = Simulation(task.props, task.overview, self._real.rig.robot)
         super().__init__(session, server)
         session.on_moving = self.show
         self._real.rig.watch_person(self._look)

@@ -144,7 +144,7 @@ class SessionView(Protocol):
 
 
 class RigSession:
-    """Leads an operator through episodes; what becomes of one is for those who inherit."""
+    """Leads an operator through episodes; subclasses decide what becomes of them."""
 
     view: SessionView
 

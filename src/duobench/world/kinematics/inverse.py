@@ -6,11 +6,19 @@ pull at the joints, and DAQP solves it within each joint's bounds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from duobench.core.spatial import SE3, length, product
+from duobench.core.spatial import (
+    SE3,
+    rows_from_wxyz,
+    sum_of_products,
+    unit_quaternion,
+    wxyz_from_rows,
+)
 from duobench.core.types import (
     ARM_JOINTS,
     CONTROL_HZ,
@@ -18,9 +26,12 @@ from duobench.core.types import (
     Array,
     Side,
 )
-from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
-from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.robot.frames import Robot
+from duobench.world.robot.joints import VELOCITY_LIMITS
 from duobench.world.scene.naming import tcp_name
+
+if TYPE_CHECKING:
+    import mink
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
 """Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""
@@ -64,38 +75,67 @@ SHORTENINGS = 5
 OPTIMAL = 1
 """Status of DAQP for a found solution."""
 
-_WRIST_IN_TOOL = LINK7_FROM_TCP.inverse().translation
 _NO_ROWS = np.zeros((0, ARM_JOINTS))
 """No limits but bounds of the joints themselves."""
 
 
 def within_reach(
+    robot: Robot,
     side: Side,
     tool: SE3,
     reach: float = REACH,
 ) -> SE3:
     """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
-    shoulder = SHOULDERS[side]
-    away = product(tool.rotation, _WRIST_IN_TOOL) + tool.translation - shoulder
-    distance = length(away)
-    excess = max(0.0, distance - reach)
-    return tool.moved(*(-excess * away / distance)) if excess else tool
+    wrist = robot.link7_from_tcp.inverse().translation.tolist()
+    shoulder = robot.shoulders[side].tolist()
+    position = tool.translation.tolist()
+    nearer = _within_reach(wrist, shoulder, tool.rotation.tolist(), position, reach)
+    return tool if nearer is position else SE3(tool.rotation, np.array(nearer))
+
+
+def _within_reach(
+    wrist: list[float],
+    shoulder: list[float],
+    rotation: list[list[float]],
+    position: list[float],
+    reach: float = REACH,
+) -> list[float]:
+    """`within_reach` in Python's floats: the position of the tool alone, the same if it is.
+
+    The wrist is given in the tool's frame, the shoulder in the table's.
+    """
+    wx, wy, wz = wrist
+    away = [
+        x * wx + y * wy + z * wz + place - origin
+        for (x, y, z), place, origin in zip(rotation, position, shoulder, strict=True)
+    ]
+    distance = math.sqrt(sum_of_products(away, away))
+    excess = distance - reach
+    if not excess > 0.0:
+        return position
+    return [
+        place + -excess * part / distance
+        for place, part in zip(position, away, strict=True)
+    ]
 
 
 class ArmKinematics:
     """Solves for the joints of one arm; holds no state between calls."""
 
-    def __init__(self, side: Side) -> None:
+    def __init__(self, side: Side, robot: Robot) -> None:
         # mink brings MuJoCo and SciPy, which joint actions do without.
         import mink
 
         from duobench.world.scene.arms import kinematic_model
 
-        model = kinematic_model(side)
+        model = kinematic_model(side, robot)
         model.jnt_range += (LIMIT_MARGIN, -LIMIT_MARGIN)
         model.jnt_range[ELBOW, 1] = STRAIGHT
         self._low, self._high = model.jnt_range.T
+        self._ends = np.array([[self._low], [self._high]])
         self._side = side
+        self._wrist = robot.link7_from_tcp.inverse().translation.tolist()
+        self._shoulder = robot.shoulders[side].tolist()
         self._configuration = mink.Configuration(model)
         self._tool = mink.FrameTask(
             tcp_name(side),
@@ -104,6 +144,7 @@ class ArmKinematics:
             orientation_cost=ORIENTATION_COST,
             lm_damping=LM_DAMPING,
         )
+        self._cost = self._tool.cost
         self._speeds = np.array(VELOCITY_LIMITS) * VELOCITY_SHARE
 
     def forward(self, joints: Array) -> SE3:
@@ -117,62 +158,103 @@ class ArmKinematics:
     def step(
         self,
         joints: Array,
-        target: SE3,
+        poses: Sequence[Array],
         dt: float,
         posture: Array,
         before: Array | None,
     ) -> Array:
-        """Joint targets (7,) for the step towards a tool pose; see `Kinematics.step`."""
+        """Joint targets (n, 7) for the steps of n arms towards a tool pose each.
+
+        What each gets does not depend on the others; see `Kinematics.step`.
+
+        Args:
+            joints: Where the arms are (n, 7), in radians.
+            poses: A pose (7,) for each, within its reach, as `mink` takes them: w x y z, x y z.
+            dt: Duration of the step in seconds.
+            posture: Joint positions (7,) that the redundant joint is attracted to.
+            before: Where the arms were one step earlier (n, 7), if it counts.
+        """
         import mink
 
         start = np.minimum(np.maximum(joints, self._low), self._high)
-        goal = within_reach(self._side, target)
-        self._tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
-        self._configuration.update(start)
-        residual = self._tool.compute_qp_residual(self._configuration)
+        goals = [mink.SE3(pose) for pose in poses]
+        errors = np.empty((len(goals), len(self._cost)))
+        jacobians = np.empty((*errors.shape, ARM_JOINTS))
+        for row, goal in enumerate(goals):
+            errors[row] = self._error(start[row], goal)
+            jacobians[row] = self._tool.compute_jacobian(self._configuration)
+        errors *= self._cost
+        jacobians *= self._cost[:, None]
         last = None if before is None else joints - before
-        change = self._change(residual, start, dt, posture, last)
-        if change is None:
-            return start
+        changes = self._changes(errors, jacobians, start, dt, posture, last)
+        moved = start + changes
         if last is not None:  # the arm moves on, and cannot stop at once
-            return start + change
-        enough = (1.0 - LEAST_PROGRESS) * _objective(residual[1], start - posture)
+            return moved
+        enough = (1.0 - LEAST_PROGRESS) * _objective(errors, start - posture)
+        rows = np.arange(len(goals))
         for _ in range(SHORTENINGS + 1):
-            if self._error(start + change, posture) < enough:
-                return start + change
-            change = change / 2
-        return start
+            tried = moved[rows]
+            errors = np.empty((len(rows), len(self._cost)))
+            for row, number in enumerate(rows.tolist()):
+                errors[row] = self._error(tried[row], goals[number])
+            errors *= self._cost
+            rows = rows[~(_objective(errors, tried - posture) < enough[rows])]
+            if not len(rows):
+                return moved
+            changes[rows] /= 2
+            moved[rows] = start[rows] + changes[rows]
+        moved[rows] = start[rows]
+        return moved
 
-    def _change(
+    def goal(self, rotation: list[list[float]], position: list[float]) -> Array:
+        """A tool pose within reach as `mink` takes it (7,): quaternion w x y z, and position."""
+        nearer = _within_reach(self._wrist, self._shoulder, rotation, position)
+        return np.array([*wxyz_from_rows(rotation), *nearer])
+
+    def _error(self, joints: Array, goal: mink.SE3) -> Array:
+        """Error (6,) of the tool at joint positions (7,), to which the model is brought."""
+        self._tool.transform_target_to_world = goal
+        self._configuration.update(joints)
+        return self._tool.compute_error(self._configuration)
+
+    def _changes(
         self,
-        residual: tuple[Array, Array, float],
+        errors: Array,
+        jacobians: Array,
         start: Array,
         dt: float,
         posture: Array,
         last: Array | None,
-    ) -> Array | None:
-        """The best step from `start`, where the tool's residual is known; None without one."""
+    ) -> Array:
+        """The best steps (n, 7) from `start` by weighted errors; none where none is found."""
         import daqp
 
-        weighted, error, damping = residual
         pull = POSTURE_COST**2
-        linear = pull * POSTURE_GAIN * (start - posture) - error @ weighted
+        linear = pull * POSTURE_GAIN * (start - posture)
+        linear += (errors[:, None] @ jacobians)[:, 0]
         if last is not None:
             pull += INERTIA_COST**2
             linear -= INERTIA_COST**2 * last
-        hessian = weighted.T @ weighted
-        hessian.flat[:: len(start) + 1] += pull + DAMPING + damping
+        hessians = jacobians.swapaxes(1, 2) @ jacobians
+        damping = pull + DAMPING + LM_DAMPING * np.vecdot(errors, errors)
+        diagonals = hessians.reshape(-1, ARM_JOINTS**2)[:, :: ARM_JOINTS + 1]
+        diagonals += damping[:, None]
         low, high = self._bounds(start, dt, last)
-        solution, _, outcome, _ = daqp.solve(hessian, linear, _NO_ROWS, high, low)
-        return solution if outcome == OPTIMAL else None
+        changes = np.zeros(start.shape)
+        programs = zip(hessians, linear, high, low, changes, strict=True)
+        for hessian, pulls, most, least, change in programs:
+            solution, _, outcome, _ = daqp.solve(hessian, pulls, _NO_ROWS, most, least)
+            if outcome == OPTIMAL:
+                change[:] = solution
+        return changes
 
     def _bounds(
         self, start: Array, dt: float, last: Array | None
     ) -> tuple[Array, Array]:
         """Bounds of each joint's motion in a step: range, speed, and change of speed."""
         most = self._speeds * dt
-        low = np.maximum(-most, LIMIT_GAIN * (self._low - start))
-        high = np.minimum(most, LIMIT_GAIN * (self._high - start))
+        ways = LIMIT_GAIN * (self._ends - start)
+        low, high = np.minimum(np.maximum(-most, ways), most)
         if last is None:
             return low, high
         slowest, fastest = last - MAX_CHANGE, last + MAX_CHANGE
@@ -181,24 +263,20 @@ class ArmKinematics:
             np.minimum(np.maximum(fastest, low), high),
         )
 
-    def _error(self, joints: Array, posture: Array) -> float:
-        """Objective of a solution."""
-        self._configuration.update(joints)
-        tool = self._tool.cost * self._tool.compute_error(self._configuration)
-        return _objective(tool, joints - posture)
 
-
-def _objective(tool: Array, from_posture: Array) -> float:
-    """The squared errors of tool (6,), weighted already, and of posture (7,), by its cost."""
+def _objective(tools: Array, from_posture: Array) -> Array:
+    """The squared errors (n,) of tools (n, 6), weighted already, and of postures (n, 7)."""
     pulled = POSTURE_COST * from_posture
-    return float(tool @ tool) + float(pulled @ pulled)
+    return np.vecdot(tools, tools) + np.vecdot(pulled, pulled)
 
 
 class Kinematics:
     """Solves for joint targets that bring the tools towards poses; holds no state between calls."""
 
-    def __init__(self) -> None:
-        self._arms = {side: ArmKinematics(side) for side in SIDES}
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        """Arms whose joints it solves for."""
+        self._arms = {side: ArmKinematics(side, robot) for side in SIDES}
 
     def forward(self, joints: Array) -> dict[Side, SE3]:
         """Tool poses in the table frame at joint positions (2, 7)."""
@@ -210,7 +288,7 @@ class Kinematics:
         targets: Mapping[Side, SE3],
         *,
         dt: float = 1.0 / CONTROL_HZ,
-        posture: Array = HOME_JOINTS,
+        posture: Array | None = None,
         before: Array | None = None,
     ) -> Array:
         """One step towards tool poses, within joint ranges and velocity limits.
@@ -224,24 +302,55 @@ class Kinematics:
                 keep to, an arm starts at the nearest position within.
             targets: Tool pose wanted for each side; a side that is missing stays.
             dt: Duration of the step in seconds.
-            posture: Joint positions (2, 7) that the redundant joint is attracted to.
+            posture: Joint positions (2, 7) that the redundant joint is attracted to; home where
+                none are given.
             before: Where the arms were one step earlier (2, 7), in radians.
 
         Returns:
             Joint targets (2, 7), whole multiples of 1 / `GRID` for the sides that have a target.
         """
-        result = np.array(joints, dtype=np.float64)
-        for side, target in targets.items():
+        goals = {
+            side: [
+                self._arms[side].goal(pose.rotation.tolist(), pose.translation.tolist())
+            ]
+            for side, pose in targets.items()
+        }
+        posture = self.robot.home if posture is None else posture
+        start = np.array(joints, dtype=np.float64)[None]
+        earlier = None if before is None else before[None]
+        return self._step(start, goals, dt, posture, earlier)[0]
+
+    def step_all(self, joints: Array, poses: Array) -> Array:
+        """`step` of n robots at once, from (n, 2, 7), towards poses (n, 2, 7) x y z qx qy qz qw."""
+        goals: dict[Side, list[Array]] = {}
+        for side in SIDES:
+            goals[side] = []
+            for x, y, z, qx, qy, qz, qw in poses[:, side.index].tolist():
+                rotation = rows_from_wxyz(unit_quaternion((qw, qx, qy, qz)))
+                goals[side].append(self._arms[side].goal(rotation, [x, y, z]))
+        start = np.array(joints, dtype=np.float64)
+        return self._step(start, goals, 1.0 / CONTROL_HZ, self.robot.home, None)
+
+    def _step(
+        self,
+        joints: Array,
+        goals: Mapping[Side, Sequence[Array]],
+        dt: float,
+        posture: Array,
+        before: Array | None,
+    ) -> Array:
+        """Joint targets for n robots, written over where they are (n, 2, 7)."""
+        for side, poses in goals.items():
             row = side.index
-            solution = self._arms[side].step(
-                result[row],
-                target,
+            solutions = self._arms[side].step(
+                joints[:, row],
+                poses,
                 dt,
                 posture[row],
-                None if before is None else before[row],
+                None if before is None else before[:, row],
             )
-            result[row] = np.rint(solution * GRID) / GRID
-        return result
+            joints[:, row] = np.rint(solutions * GRID) / GRID
+        return joints
 
     def solve(
         self,
