@@ -83,6 +83,7 @@ def files_of(wheel: Path) -> set[str]:
         return {name for name in archive.namelist() if name.startswith("duobench/")}
 
 
+@pytest.mark.slow
 def test_a_source_distribution_has_what_its_wheel_needs_and_no_tests(tmp_path: Path) -> None:
     source, wheel = build(ROOT, tmp_path)
     assert "duobench/py.typed" in files_of(wheel)
@@ -92,6 +93,7 @@ def test_a_source_distribution_has_what_its_wheel_needs_and_no_tests(tmp_path: P
     assert not inside & {"docs", "tests", "dev", "examples", "Makefile"}
 
 
+@pytest.mark.slow
 def test_instructions_of_the_container_can_all_be_played(tmp_path: Path) -> None:
     text = (ROOT / "Dockerfile").read_text(encoding="utf-8")
     (first, image), *rest = container.steps(text)

@@ -109,6 +109,7 @@ def test_it_carries_everything_of_the_package(wheel: Path) -> None:
         assert f"{information}/licenses/{notice}" in packed
 
 
+@pytest.mark.slow
 def test_an_environment_can_be_made_and_played(installed: Installed) -> None:
     connect = "import socket; socket.create_connection(('192.0.2.1', 9), timeout=1)"
     assert "there is no network" in installed.run("python", "-c", connect).stderr

@@ -39,6 +39,7 @@ from tests.cli.conftest import Told, refusal
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.processes import wait_until, workers
 from tests.policy.serving.serving import Serve
+from tests.quick_first import quick_first
 from tests.results.outcomes import play
 from tests.results.samples import key, without_times
 
@@ -136,6 +137,7 @@ def test_video_that_cannot_be_made_is_told(
     assert video in (run / "index.html").read_text()
 
 
+@pytest.mark.slow
 def test_command_of_the_report_makes_the_same_report(tmp_path: Path, evaluate: Told) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     evaluate(one, "--look", "dark")
@@ -311,6 +313,7 @@ def test_doctor_looks_at_what_is_left_to_it_by_others(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_doctor_fails_where_a_run_would(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     done = duobench("doctor", "--out", "file/run", folder=tmp_path, MUJOCO_GL="off")
@@ -375,12 +378,15 @@ def test_what_renders_is_told_where_it_is_asked(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("words", "backend", "reason"),
-    [
-        ("doctor", "bogus", "or unset it"),
-        ("doctor", "off", "Rendering is switched off by MUJOCO_GL=off"),
-        ("eval --policy hold --out run", "bogus", "or unset it"),
-        ("render bin_sort --out run", "bogus", "or unset it"),
-    ],
+    quick_first(
+        [
+            ("doctor", "off", "Rendering is switched off by MUJOCO_GL=off"),
+            ("render bin_sort --out run", "bogus", "or unset it"),
+            ("doctor", "bogus", "or unset it"),
+            ("eval --policy hold --out run", "bogus", "or unset it"),
+        ],
+        quick=2,
+    ),
 )
 def test_graphics_that_are_not_there_are_told_in_words(
     tmp_path: Path, words: str, backend: str, reason: str
@@ -544,6 +550,7 @@ def test_version_is_told(told: Told) -> None:
     assert told("--version") == f"duobench {__version__}\n"
 
 
+@pytest.mark.slow
 def test_interrupt_that_an_import_would_swallow_ends_the_run(tmp_path: Path) -> None:
     (tmp_path / "swallows.py").write_text(
         "import os, signal\n"
@@ -603,6 +610,7 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
     assert complaint.strip() == "Stopped."
 
 
+@pytest.mark.slow
 def test_failures_that_are_kept_and_layouts_of_the_evaluation_are_told(
     told: Told, tmp_path: Path
 ) -> None:
@@ -629,10 +637,12 @@ def test_interrupted_recording_says_that_it_goes_on(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("verb", "words"),
-    [
-        ("record", ["--policy", f"{toy_tasks.__name__}:NeverReady", "--tasks", "bin_sort"]),
-        ("eval", ["--policy", f"{toy_tasks.__name__}:NeverReady", "--tasks", "bin_sort"]),
-    ],
+    quick_first(
+        [
+            ("eval", ["--policy", f"{toy_tasks.__name__}:NeverReady", "--tasks", "bin_sort"]),
+            ("record", ["--policy", f"{toy_tasks.__name__}:NeverReady", "--tasks", "bin_sort"]),
+        ]
+    ),
 )
 def test_nothing_is_said_to_be_kept_where_nothing_is(
     tmp_path: Path, verb: str, words: list[str]

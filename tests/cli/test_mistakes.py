@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,6 +30,11 @@ from duobench.tasks import Stage, get, rests_on
 FIRST = Stage(name="first", instruction="Rest.", holds=rests_on("white_cube", "white_bwol"))
 TASK = replace(get("bin_sort"), id="misspelt", stages=(FIRST, *get("bin_sort").stages))
 """
+
+
+def slow(words: str, message: str) -> Any:
+    """A mistake that a new process finds, as others here do."""
+    return pytest.param(words, message, marks=pytest.mark.slow)
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +69,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --policy hold --out /proc/run", "give --out another folder; the same"),
         ("eval --policy hold --out OUT ONE --act-timeout 0", "limits are positive"),
         ("eval --policy x\udcff:X --out OUT", r"'x\udcff:X'"),
-        ("eval --policy :x --out OUT", "is no `module:attribute`"),
+        slow("eval --policy :x --out OUT", "is no `module:attribute`"),
         ("eval --policy mine.py --out OUT", "mine:MyPolicy for MyPolicy in mine.py"),
         ("eval --policy mine.Mine --out OUT", "mine:Mine for Mine in mine.py"),
         (
@@ -93,15 +99,21 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ),
         ("eval --policy hold --tasks --out OUT", "--tasks needs a task"),
         ("eval --policy trained/last --out OUT", "is lerobot:trained/last, not 'trained/last'"),
-        ("eval --policy mistaken --out OUT", "is a module; name a class in it, such as mistaken:"),
-        ("eval --policy ./mistaken:X --out OUT", "found by its name: mistaken:X"),
+        slow(
+            "eval --policy mistaken --out OUT", "is a module; name a class in it, such as mistaken:"
+        ),
+        slow("eval --policy ./mistaken:X --out OUT", "found by its name: mistaken:X"),
         ("eval --policy mistaken.py:X --out OUT", "found by its name: mistaken:X"),
         (
             "eval --policy mistaken:Load --out OUT",
             "mistaken has no class or function 'Load'",
         ),
-        ("eval --policy mistaken:made --out OUT", "mistaken, whose made is of type Loads, has no"),
-        ("eval --policy mistaken:answer --out OUT", "A policy is made without arguments, and has"),
+        slow(
+            "eval --policy mistaken:made --out OUT", "mistaken, whose made is of type Loads, has no"
+        ),
+        slow(
+            "eval --policy mistaken:answer --out OUT", "A policy is made without arguments, and has"
+        ),
         ("eval --policy mistaken:Loads --out OUT", "A policy is made without arguments, and has"),
         ("eval --policy hold --out OUT --tasks bin_sort,carry_pot", "spaces: bin_sort carry_pot"),
         ("eval --policy hold --out OUT --tasks all", "none means all"),

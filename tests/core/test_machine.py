@@ -109,6 +109,7 @@ def test_messages_name_extras_that_exist() -> None:
     assert f"pip install '{SOURCE}[lerobot]'" in install_extra("lerobot")
 
 
+@pytest.mark.slow
 def test_a_missing_package_is_told_with_an_extra_that_exists() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     named = [

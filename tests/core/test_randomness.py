@@ -24,6 +24,7 @@ from duobench.core.randomness import (
 )
 from duobench.tasks import catalog
 from tests.children import printed
+from tests.quick_first import quick_first
 
 DRAW = "from tests.core.test_randomness import numbers; print(numbers())"
 
@@ -45,10 +46,10 @@ def test_a_generator_is_a_function_of_task_and_seed_of_the_eval_split() -> None:
     assert len(draws) == 100
 
 
-def test_other_processes_draw_the_same() -> None:
-    for seed in ("0", "1"):
-        drawn = printed(DRAW, env={**os.environ, "PYTHONHASHSEED": seed})
-        assert drawn == f"{numbers()}\n"
+@pytest.mark.parametrize("seed", quick_first(["0", "1"]))
+def test_other_processes_draw_the_same(seed: str) -> None:
+    drawn = printed(DRAW, env={**os.environ, "PYTHONHASHSEED": seed})
+    assert drawn == f"{numbers()}\n"
 
 
 def test_the_suite_version_decides_too(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def facts(card: Path) -> dict[str, Any]:
 
 @pytest.fixture
 def demos(tmp_path: Path, demonstrations: Callable[..., Path]) -> Path:
-    return copytree(demonstrations("bin_sort", episodes=2), tmp_path / "demos")
+    return copytree(demonstrations("bin_sort"), tmp_path / "demos")
 
 
 def test_card_of_recordings_says_what_is_in_them(demos: Path) -> None:
@@ -40,9 +40,9 @@ def test_card_of_recordings_says_what_is_in_them(demos: Path) -> None:
     assert told["license"] == "cc-by-4.0"
     assert sorted(demos.glob(told["configs"][0]["data_files"])) == DataSet.open(demos).episodes()
     frames = sum(map(len, DataSet.open(demos).recordings()))
-    assert f"| `bin_sort` | 2 | {frames} | {frames / 30:.0f} |" in text
+    assert f"| `bin_sort` | 1 | {frames} | {frames / 30:.0f} |" in text
     assert f"suite {SUITE_VERSION}; " in text
-    assert "2 of 2 episodes succeeded, and 0 have a layout" in text
+    assert "1 of 1 episodes succeeded, and 0 have a layout" in text
     assert f"hf download {NAME} --repo-type dataset" in text
     (picture,) = re.findall(r"!\[bin_sort\]\((.*)\)", text)
     with Image.open(demos / picture) as image:
@@ -60,7 +60,7 @@ def test_card_of_an_export_says_what_it_has(
     card = write_data_card(out, NAME, "apache-2.0")
     text = card.read_text(encoding="utf-8")
     assert "LeRobot" in facts(card)["tags"]
-    assert f"| `bin_sort` | 2 | {done.frames} | " in text
+    assert f"| `bin_sort` | 1 | {done.frames} | " in text
     assert "`observation.state`" in text
     assert "![" not in text
     (out / PICTURES).mkdir()
@@ -70,7 +70,7 @@ def test_card_of_an_export_says_what_it_has(
 
 @pytest.fixture
 def two_tasks(demos: Path, tmp_path: Path, demonstrations: Callable[..., Path]) -> DataSet:
-    other = DataSet.open(demonstrations("transfer_cube"))
+    other = DataSet.open(demonstrations("carry_pot", variety="none"))
     merge([DataSet.open(demos), other], tmp_path / "two")
     return DataSet.open(tmp_path / "two")
 
@@ -84,7 +84,7 @@ def loaded(card: Path) -> dict[str, list[Path]]:
 def test_recordings_of_a_task_are_a_table_for_the_hub(two_tasks: DataSet) -> None:
     """The state of each task has a length of its own."""
     found = loaded(write_data_card(two_tasks.path, NAME, "mit"))
-    assert found == {task: two_tasks.episodes(task) for task in ("bin_sort", "transfer_cube")}
+    assert found == {task: two_tasks.episodes(task) for task in ("bin_sort", "carry_pot")}
 
 
 @pytest.mark.slow
@@ -119,7 +119,7 @@ def test_an_export_is_loaded_and_trained_as_its_card_says(
     export_lerobot(two_tasks, tmp_path / "data", options, per_task=per_task)
     card = write_data_card(tmp_path / "data", NAME, "mit")
     found = loaded(card)
-    assert set(found) == ({"bin_sort", "transfer_cube"} if per_task else {"default"})
+    assert set(found) == ({"bin_sort", "carry_pot"} if per_task else {"default"})
     files = sorted(path for paths in found.values() for path in paths)
     rows = (path for path in (tmp_path / "data").rglob("*.parquet") if "meta" not in path.parts)
     assert files == sorted(rows) != []
@@ -140,7 +140,7 @@ def test_exports_of_one_task_are_one_task(two_tasks: DataSet, tmp_path: Path) ->
     (tmp_path / "data/.cache/c/meta/info.json").write_text("{}")
     text = write_data_card(tmp_path / "data", NAME, "mit").read_text(encoding="utf-8")
     assert "in 1 task of DuoBench" in text
-    assert f"| `bin_sort` | 4 | {2 * done.frames} | " in text
+    assert f"| `bin_sort` | 2 | {2 * done.frames} | " in text
     beside = tmp_path / "data" / "b" / "meta/duobench.json"
     beside.write_text(beside.read_text().replace(f'"{SUITE_VERSION}"', '"0"'))
     with pytest.raises(DataError, match=f"has exports of suites {SUITE_VERSION} and 0"):

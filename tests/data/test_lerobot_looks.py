@@ -69,6 +69,7 @@ def test_looks_depend_on_no_number_of_workers_and_on_no_interruption(
     assert files(tmp_path / "lost") == files(exported)
 
 
+@pytest.mark.slow
 def test_an_episode_keeps_its_look_among_others(
     original: DataSet, data: DataSet, real: DataSet, exported: Path, tmp_path: Path
 ) -> None:

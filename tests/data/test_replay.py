@@ -18,7 +18,7 @@ from tests.envs.tools import wave
 
 @pytest.fixture(scope="module")
 def demos(demonstrations: Callable[..., Path]) -> Path:
-    return demonstrations(TASK, variety="none")
+    return demonstrations(TASK)
 
 
 @pytest.fixture(scope="module")

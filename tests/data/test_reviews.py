@@ -86,6 +86,7 @@ def test_what_is_said_later_is_honoured_and_no_byte_of_a_recording_changes(
     assert rows_of(data, tmp_path / "later")[0] == (first.stem, HORIZON)
 
 
+@pytest.mark.slow
 def test_two_processes_lose_no_line(data: DataSet) -> None:
     children = [child_of(__name__, data.path, who) for who in ("P07", "P11")]
     for child in children:

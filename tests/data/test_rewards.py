@@ -191,6 +191,7 @@ def test_dense_is_refused_on_real_arms_before_anything_is_written(
 # --- transitions ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["joint", "joint_relative"])
 def test_transitions_are_those_of_an_environment(solved: DataSet, steps: int, mode: str) -> None:
     (one,) = transitions(solved, QUICK, reward="dense", action_mode=mode, object_state=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.docs.markdown import blocks, modules, page_of, run
+from tests.quick_first import quick_first
 
 NAMES = ("environments", "reinforcement_learning", "other_hardware")
 PAGES = tuple(map(page_of, NAMES))
@@ -21,7 +22,7 @@ CODE = [
 ]
 
 
-@pytest.mark.parametrize("code", CODE)
+@pytest.mark.parametrize("code", quick_first(CODE, quick=2))
 def test_code_runs(code: str, tmp_path: Path) -> None:
     # In a file: new processes import it.
     (tmp_path / "shown.py").write_text(code, encoding="utf-8")

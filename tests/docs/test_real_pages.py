@@ -17,6 +17,7 @@ from duobench.data import DataSet
 from duobench.real.calibration.views import ViewFolder
 from duobench.real.rig import Rig
 from tests.docs.markdown import attend, blocks, command, page_of, run, run_python, text_of
+from tests.quick_first import quick_first
 from tests.real.sessions.operator import Operator
 from tests.web.pages import Page
 
@@ -29,7 +30,7 @@ ARMS, CAMERAS, EVALUATION, RECORDING, SAFETY, SETUP = (
 # --- arms ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("page", [ARMS, SAFETY], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", quick_first([SAFETY, ARMS]), ids=lambda page: page.stem)
 def test_programs_run(page: Path, tmp_path: Path) -> None:
     for code in blocks(page, "python"):
         assert run_python(code, tmp_path)
@@ -43,7 +44,7 @@ def test_the_command_brings_a_rig_home(tmp_path: Path) -> None:
     assert "Both arms are home." in run(rest, tmp_path, "activate\nhome\n")
 
 
-@pytest.mark.parametrize(("more", "code"), [("", 1), (" --check", 0)])
+@pytest.mark.parametrize(("more", "code"), quick_first([("", 1), (" --check", 0)]))
 def test_nothing_moves_without_the_word(more: str, code: int, tmp_path: Path) -> None:
     said = run(f"duobench real home --rig rehearsal --fast{more}", tmp_path, "yes\n", code=code)
     assert "everything answers" in said

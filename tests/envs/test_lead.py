@@ -13,6 +13,7 @@ from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
 from duobench.world.robot.joints import SERVO_LAG, VELOCITY_LIMITS, duo_limits
 from tests.envs.tools import make_small, vectors
+from tests.quick_first import quick_first
 
 STEPS, HOLD, FREE_STEPS = 240, 10, 20
 JOINTS = np.delete(np.arange(16), [7, 15])
@@ -39,7 +40,7 @@ def several() -> Iterator[Callable[..., BatchEnv]]:
     yield from vectors(threads=2)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", quick_first(range(5), quick=2))
 def test_no_joint_is_faster_than_it_may_be_in_free_air(env: gym.Env, seed: int) -> None:
     env.reset(seed=seed)
     simulation = sim_of(env).simulation

@@ -23,6 +23,7 @@ from duobench.results.run import Resuming, TimeLimits
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import assert_same_episodes, compared, small_suite, without_policy
+from tests.quick_first import quick_first
 from tests.results.samples import key
 
 
@@ -121,6 +122,7 @@ def test_policy_that_cannot_play_ends_the_run_with_the_same_error(
         play(policy, workers=workers)
 
 
+@pytest.mark.slow
 def test_broken_episodes_are_played_again_if_that_is_asked_for(play, reference):
     folder, results = play("BreaksOnce")
     assert results.overall.errors == 4
@@ -155,7 +157,7 @@ def test_impossible_time_limit_is_refused(limits):
         TimeLimits(**limits)
 
 
-@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("workers", quick_first([0, 1]))
 def test_there_may_be_no_time_limit(play, workers):
     limits = TimeLimits(act_timeout=float("inf"), episode_timeout=float("inf"))
     folder, results = play("hold", episodes=1, limits=limits, workers=workers)
@@ -200,6 +202,7 @@ def test_look_is_that_of_environment_video_and_record(play, workers):
         assert 1.3 * brightness[0] < brightness[1]
 
 
+@pytest.mark.slow
 def test_depth_parts_and_a_camera_of_ones_own_go_from_policy_to_record_and_page(play, monkeypatch):
     """What is seen is played, recorded, verified, shown in a video that can be made again."""
     folder, results = play("Measures", episodes=1, videos=1)

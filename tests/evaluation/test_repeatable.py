@@ -22,6 +22,7 @@ from duobench.results.tables import episodes_text
 from tests.evaluation import toy_noise
 from tests.evaluation.conftest import Play, compared
 from tests.policy.serving.serving import Serve, server_at
+from tests.quick_first import quick_first
 
 SAME = "With one seed, its first answer was the same twice."
 DIFFERENT = "This policy is not repeatable: with one seed, its first answers were not the same."
@@ -68,6 +69,7 @@ def test_sets_of_texts_have_one_order_in_all_processes(
         assert compared(again) == compared(first)
 
 
+@pytest.mark.slow
 def test_served_episodes_side_by_side_keep_their_noise_of_torch_apart(
     play: Play, serve: Serve
 ) -> None:
@@ -78,8 +80,8 @@ def test_served_episodes_side_by_side_keep_their_noise_of_torch_apart(
     assert [one.sent for one in records_of(served)] == [one.sent for one in records_of(alone)]
 
 
-@pytest.mark.parametrize("workers", [0, 1])
-@pytest.mark.parametrize("policy", [toy_noise.AsksTheSystem, toy_noise.Remembers])
+@pytest.mark.parametrize("workers", quick_first([0, 1]))
+@pytest.mark.parametrize("policy", quick_first([toy_noise.AsksTheSystem, toy_noise.Remembers]))
 def test_policy_that_answers_otherwise_the_second_time_is_not_repeatable(
     play: Play, policy: type, workers: int, capsys: pytest.CaptureFixture[str]
 ) -> None:

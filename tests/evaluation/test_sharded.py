@@ -91,6 +91,7 @@ def test_shard_without_an_episode_is_no_error(tmp_path):
     assert len(folder.read_records(folder.read_run())) == 2
 
 
+@pytest.mark.slow
 def test_folders_of_two_machines_are_merged_by_copying(tmp_path, reference):
     machines = [RunFolder(tmp_path / name) for name in ("one", "two")]
     for shard in QUARTERS:

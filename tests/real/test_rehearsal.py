@@ -31,6 +31,7 @@ from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.sim import rendering_process
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.rendering import Renderer
+from tests.quick_first import quick_first
 from tests.real.rigs import home, new_rig, quick_rig, refused, wait
 
 TASK = catalog.get("transfer_cube")
@@ -158,7 +159,7 @@ def push_down(duo: FrankaDuo, side: Side) -> int:
     return count
 
 
-@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("side", quick_first(SIDES))
 def test_an_arm_that_runs_into_the_table_stops_by_a_reflex_and_goes_home(
     side: Side, duo: FrankaDuo
 ) -> None:
@@ -176,6 +177,7 @@ def test_an_arm_that_runs_into_the_table_stops_by_a_reflex_and_goes_home(
     assert duo.supervisor.state is State.READY
 
 
+@pytest.mark.slow
 def test_thresholds_are_those_of_the_rig() -> None:
     counts = []
     for threshold in (20.0, 80.0):
@@ -312,6 +314,7 @@ def test_another_task_takes_the_place_of_the_objects(duo: FrankaDuo) -> None:
         assert np.abs(duo.read().joints - HOME_JOINTS).max() < 0.02
 
 
+@pytest.mark.slow
 def test_the_same_commands_do_the_same() -> None:
     seen = []
     for _ in range(2):
@@ -360,6 +363,7 @@ def test_physics_that_fails_is_a_fault_of_ours(duo: FrankaDuo) -> None:
 # --- cameras -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_cameras_see_the_world_from_a_process_of_their_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -46,6 +46,7 @@ def test_same_results_give_the_same_bytes_in_any_process() -> None:
     assert printed.strip() == repr(plots(FOUND))
 
 
+@pytest.mark.slow
 def test_settings_of_a_user_change_no_figure(tmp_path: Path) -> None:
     """And what a library's caller chose as backend stays."""
     settings = tmp_path / "matplotlibrc"

@@ -10,6 +10,7 @@ from duobench.teleop.intent import Intent
 from duobench.teleop.pace import LONGEST_REST_S, QUIET_S, Movement, Pace, Phase
 from duobench.world.robot.frames import ROBOT
 from duobench.world.robot.mounts import HOME_JOINTS
+from tests.quick_first import quick_first
 
 LONGEST, QUIET = round(LONGEST_REST_S * CONTROL_HZ), round(QUIET_S * CONTROL_HZ)
 MINUTE = round(60 * CONTROL_HZ)
@@ -60,6 +61,7 @@ def test_after_a_hand_let_go_the_world_goes_on_until_all_was_at_rest_for_a_while
     assert steps(pace, MINUTE) == QUIET
 
 
+@pytest.mark.slow
 def test_what_never_rests_is_waited_for_no_longer_than_three_seconds() -> None:
     pace = Pace()
     assert turn(pace, leads=True)
@@ -91,7 +93,7 @@ def test_fingers_lead_while_they_are_asked_to_move_and_while_they_do() -> None:
     assert QUIET <= more < 2 * QUIET
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", quick_first(range(5)))
 def test_the_noise_of_a_trigger_leads_nothing(seed: int) -> None:
     pace, draw = Pace(), np.random.default_rng(seed)
     steps(pace, MINUTE, asked=0.5)

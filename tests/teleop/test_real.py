@@ -227,6 +227,7 @@ def test_what_is_solved_while_nobody_leads_comes_to_its_end(tmp_path: Path) -> N
     assert episode.info.outcome.success
 
 
+@pytest.mark.slow
 def test_arms_that_are_held_while_nobody_leads_end_the_episode(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.lead(5)

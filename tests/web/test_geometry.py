@@ -14,6 +14,7 @@ from duobench.world.robot.cameras import OVERVIEW_VIEW
 from duobench.world.sim import placement
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation
+from tests.quick_first import quick_first
 from tests.web.scene_file import NO_SHADOWS, SceneFile, read_scene
 
 MOST_BYTES = 70_000
@@ -37,7 +38,7 @@ def of_bodies(scene: SceneFile) -> set[int]:
     return set((scene.bodies % NO_SHADOWS).tolist())
 
 
-@pytest.fixture(scope="module", params=sorted(names()))
+@pytest.fixture(scope="module", params=quick_first(sorted(names()), quick=3))
 def simulation(request: pytest.FixtureRequest) -> Simulation:
     simulation, _ = started(get(request.param), 3)
     command = simulation.duo.command()

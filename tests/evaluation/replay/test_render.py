@@ -25,6 +25,7 @@ from duobench.results.suite import find_tasks
 from duobench.web import track
 from duobench.web.geometry import Geometry
 from tests.evaluation import toy_tasks
+from tests.quick_first import quick_first
 from tests.results.samples import SORT, TURN, key, sample_record, sample_run
 
 Play = Callable[..., tuple[RunFolder, Results]]
@@ -142,7 +143,7 @@ def test_episode_that_failed_with_an_error_is_shown_up_to_it(play):
             assert len(list(container.decode(video=0))) == 1 + record.steps // 2
 
 
-@pytest.mark.parametrize("what", [VIDEO, REPLAY])
+@pytest.mark.parametrize("what", quick_first([REPLAY, VIDEO]))
 @pytest.mark.parametrize(
     ("changes", "why"),
     [

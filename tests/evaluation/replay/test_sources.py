@@ -254,6 +254,7 @@ def followed(folder: RunFolder, server: PageServer) -> FollowedRun:
     return FollowedRun(folder, server, import_tasks=True)
 
 
+@pytest.mark.slow
 def test_a_run_is_followed_from_before_its_start(play, server):
     path = play("random", "other", episodes=1)[0].path.with_name("run")
     run = followed(RunFolder(path), server)

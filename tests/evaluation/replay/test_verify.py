@@ -29,6 +29,7 @@ from tests.evaluation.forging import (
     targets_of,
     with_targets,
 )
+from tests.quick_first import quick_first
 from tests.results.samples import key
 
 TASK = "bin_sort"
@@ -89,7 +90,7 @@ def test_honest_run_agrees_to_the_bit(runs, policy):
     assert found == verify(runs[policy], workers=1)
 
 
-@pytest.mark.parametrize("policy", ["random", f"{test_recorder.__name__}:Drifts"])
+@pytest.mark.parametrize("policy", quick_first([f"{test_recorder.__name__}:Drifts", "random"]))
 def test_run_on_tasks_of_others_agrees_where_these_may_be_imported(play, policy):
     folder, _ = play(policy, episodes=1)
     found = verify(folder)
@@ -256,6 +257,7 @@ def test_run_that_describes_its_tasks_wrongly_is_found(held):
     assert not found.is_verified
 
 
+@pytest.mark.slow
 def test_task_with_a_name_of_the_benchmark_is_that_of_the_benchmark(held):
     redescribed(
         held,
@@ -304,6 +306,7 @@ def test_run_of_another_suite_is_not_verifiable(held):
     assert not found.is_verified
 
 
+@pytest.mark.slow
 def test_other_versions_agree_in_stages_and_say_why_not_in_bits(held):
     older: Edit = lambda document: document["versions"].update(numpy="2.0.0")  # noqa: E731
     redescribed(held, older)

@@ -33,6 +33,7 @@ from tests.evaluation import toy_tasks
 from tests.evaluation.processes import children, is_running, wait_until
 from tests.evaluation.runners import toy_failures
 from tests.evaluation.toy_tasks import seed_of
+from tests.quick_first import quick_first
 
 TASKS = ("bin_sort",)
 SOMETIMES = "tests.evaluation.runners.test_demonstrations:Sometimes"
@@ -244,7 +245,9 @@ def test_episodes_that_are_not_what_they_should_be_stop_the_recording(
     assert find_problems(data)
 
 
-@pytest.mark.parametrize("harm", [damaged, spoilt, lambda data: data.episodes()[0].unlink()])
+@pytest.mark.parametrize(
+    "harm", quick_first([damaged, spoilt, lambda data: data.episodes()[0].unlink()])
+)
 def test_an_episode_whose_file_is_removed_is_recorded_again(two, data, harm):
     harm(data)
     path = data.episode("bin_sort", "00000")
@@ -309,7 +312,7 @@ def test_a_recording_of_another_episode_is_dropped(tmp_path, monkeypatch):
     assert contents(sets[0]) == contents(sets[1])
 
 
-@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("workers", quick_first([0, 1]))
 def test_what_a_policy_says_that_it_intended_is_its_own_fault(tmp_path, workers):
     data, policy = DataSet(tmp_path), f"{toy_failures.__name__}:Intends"
     (wave,) = find_tasks([toy_tasks.WAVE_NAME])
@@ -317,6 +320,7 @@ def test_what_a_policy_says_that_it_intended_is_its_own_fault(tmp_path, workers)
     assert ["nonsense" in (each.error or "") for each in found] == [False, True, False]
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_no_failure_of_the_policy(two, empty):
     with room(30_000), pytest.raises(OutputError, match="File too large"):
         played(empty)

@@ -22,6 +22,7 @@ from duobench.real.sessions.session import (
 from duobench.real.sessions.trials_folder import LogKind
 from duobench.real.supervisor import State
 from duobench.world.robot.mounts import HOME_JOINTS
+from tests.quick_first import quick_first
 from tests.real.rigs import once_while_homing, put
 from tests.real.sessions.operator import Operator, Stand, only_record, played, run
 
@@ -182,7 +183,9 @@ def test_nothing_before_the_first_command_makes_a_trial_invalid(tmp_path: Path) 
     assert stand.folder.compared() == ""
 
 
-@pytest.mark.parametrize(("gives_way", "reason"), [(False, CONNECTION_LOST), (True, TAKEN_OVER)])
+@pytest.mark.parametrize(
+    ("gives_way", "reason"), quick_first([(False, CONNECTION_LOST), (True, TAKEN_OVER)])
+)
 def test_page_that_goes_before_spoils_the_trial(
     tmp_path: Path, gives_way: bool, reason: str
 ) -> None:

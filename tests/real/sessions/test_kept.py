@@ -12,6 +12,7 @@ from duobench.real.sessions.messages import Stage
 from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.folder import RunFolder
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from tests.quick_first import quick_first
 from tests.real.sessions import toys
 from tests.real.sessions.operator import (
     LAST,
@@ -66,7 +67,7 @@ def test_trials_that_count_are_recorded_as_they_were_judged(tmp_path: Path) -> N
     assert len(recordings) == len(kept)  # nothing of the invalid one
 
 
-@pytest.mark.parametrize("holds", [True, False])
+@pytest.mark.parametrize("holds", quick_first([True, False]))
 def test_what_is_corrected_in_judging_is_in_the_recording(tmp_path: Path, holds: bool) -> None:
     def corrected(operator: Operator) -> None:
         operator.begin()

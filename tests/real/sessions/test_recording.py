@@ -20,6 +20,7 @@ from duobench.real.sessions.policy_runner import REASONS
 from duobench.real.sessions.recording import Playback, RigRecording, find_policy, slowed
 from duobench.results.labels import FaultKind
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from tests.quick_first import quick_first
 from tests.real.rigs import new_rig
 
 TASK = "carry_pot"
@@ -136,7 +137,7 @@ def test_an_operator_records_what_a_policy_does(tmp_path: Path) -> None:
     assert "mm" in next(text for text in script.asked if "Place" in text)
 
 
-@pytest.mark.parametrize(("again", "steps"), [(None, HORIZON), (14, 15 + 6)])
+@pytest.mark.parametrize(("again", "steps"), quick_first([(None, HORIZON), (14, 15 + 6)]))
 def test_success_that_was_taken_back_leaves_an_episode_like_others(
     tmp_path: Path, again: int | None, steps: int
 ) -> None:
@@ -151,6 +152,7 @@ def test_success_that_was_taken_back_leaves_an_episode_like_others(
     assert find_problems(DataSet(tmp_path)) == []
 
 
+@pytest.mark.slow
 def test_the_same_session_records_the_same(tmp_path: Path) -> None:
     found = []
     for name in ("a", "b"):
@@ -163,6 +165,7 @@ def test_the_same_session_records_the_same(tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
+@pytest.mark.slow
 def test_a_session_goes_on_where_it_ended(tmp_path: Path) -> None:
     with session(tmp_path, Script("hpkq"), episodes=3) as recording:
         assert recording.run() == 1
@@ -245,6 +248,7 @@ def test_nothing_moves_without_a_key(tmp_path: Path) -> None:
     assert DataSet(tmp_path).episodes() == []
 
 
+@pytest.mark.slow
 def test_a_recorded_episode_is_played_at_half_of_its_speed(tmp_path: Path) -> None:
     with session(tmp_path / "first", Script("hpk")) as recording:
         recording.run()

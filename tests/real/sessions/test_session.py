@@ -26,6 +26,7 @@ from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.labels import REACTION_S, FaultKind
 from duobench.results.records import InvalidTrial
 from duobench.world.robot.mounts import HOME_JOINTS
+from tests.quick_first import quick_first
 from tests.real.rigs import once_while_homing, put
 from tests.real.sessions import toys
 from tests.real.sessions.operator import (
@@ -78,11 +79,14 @@ def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path:
 
 @pytest.mark.parametrize(
     ("kind", "told", "counts"),
-    [
-        (FaultKind.CONTACT, "counts against the policy", True),
-        (FaultKind.LIMIT, "the policy's doing", True),
-        (FaultKind.LIMIT, "the policy's doing", False),
-    ],
+    quick_first(
+        [
+            (FaultKind.CONTACT, "counts against the policy", True),
+            (FaultKind.LIMIT, "the policy's doing", False),
+            (FaultKind.LIMIT, "the policy's doing", True),
+        ],
+        quick=2,
+    ),
 )
 def test_fault_of_the_policys_doing_counts_unless_the_operator_says_otherwise(
     kind: FaultKind, told: str, counts: bool, tmp_path: Path
@@ -110,7 +114,7 @@ def test_fault_of_the_policys_doing_counts_unless_the_operator_says_otherwise(
     assert "joint_reflex" in stand.folder.run.page.read_text()
 
 
-@pytest.mark.parametrize("kind", [FaultKind.PERSON, FaultKind.CONTROLLER])
+@pytest.mark.parametrize("kind", quick_first([FaultKind.PERSON, FaultKind.CONTROLLER]))
 def test_what_a_person_or_our_controller_did_is_asked_about_and_never_counts(
     kind: FaultKind, tmp_path: Path
 ) -> None:
@@ -186,7 +190,7 @@ def test_whether_success_held_is_asked_before_a_trial_counts(tmp_path: Path) -> 
     assert (record.success, record.success_at_end) == (True, False)
 
 
-@pytest.mark.parametrize("is_late", [False, True])
+@pytest.mark.parametrize("is_late", quick_first([True, False]))
 def test_press_long_after_the_end_counts_at_the_last_step_and_is_marked(
     is_late: bool, tmp_path: Path
 ) -> None:
@@ -464,6 +468,7 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
     assert (one.reason, one.stage, one.is_chosen) == (REMOVED, 1, True)
 
 
+@pytest.mark.slow
 def test_removal_of_a_record_is_told_by_the_one_that_takes_its_place(tmp_path: Path) -> None:
     stand = played(tmp_path / "t", trials(1))
     stand.folder.run.record(only_record(stand)[0].key).unlink()

@@ -156,13 +156,14 @@ def test_a_step_is_what_mink_finds_with_its_own_tasks(*, with_before: bool) -> N
         last = 1e-3 * rng.normal(size=ARM_JOINTS)
         goal = arm.forward(start).moved(*2e-3 * rng.normal(size=3))
         configuration.update(start)
-        tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
+        pose = np.concatenate([goal.wxyz, goal.translation])
+        tool.set_target(mink.SE3(pose))
         posture.set_target(HOME_JOINTS[0])
         inertia.set_target(start + last)
         tasks = [tool, posture, inertia] if with_before else [tool, posture]
         speed = mink.solve_ik(configuration, tasks, DT, "daqp", damping=1e-5, limits=[])
         before = (start - last)[None] if with_before else None
-        found = arm.step(start[None], [goal], DT, HOME_JOINTS[0], before)[0]
+        found = arm.step(start[None], [pose], DT, HOME_JOINTS[0], before)[0]
         assert np.abs(found - start - speed * DT).max() < 1e-9
 
 
@@ -193,6 +194,27 @@ def test_a_solver_remembers_nothing_and_solutions_are_on_a_grid_that_float32_hol
     assert np.array_equal(Kinematics(ROBOT).step(HOME_JOINTS, goals), first)
     assert np.array_equal(first * GRID, np.rint(first * GRID))
     assert np.array_equal(first.astype(np.float32), first)
+
+
+def test_robots_side_by_side_get_what_each_gets_alone(kinematics: Kinematics) -> None:
+    rng = np.random.default_rng(8)
+    joints = HOME_JOINTS + 0.2 * rng.normal(size=(12, 2, ARM_JOINTS))
+    joints[:4] = HOME_JOINTS
+    at = [kinematics.forward(each) for each in joints]
+    # Some rest, some come near, some are told to go where no arm reaches.
+    ways = np.repeat([0.0, 1e-5, 0.02, 2.0], 3)
+    goals = [
+        {side: at[number][side].moved(*way * rng.normal(size=3)) for side in SIDES}
+        for number, way in enumerate(ways)
+    ]
+    numbers = np.array([[each[side].tquat for side in SIDES] for each in goals])
+    for _ in range(8):
+        alone = [
+            kinematics.step(each, {side: SE3.from_tquat(row[side.index]) for side in SIDES})
+            for each, row in zip(joints, numbers, strict=True)
+        ]
+        joints = kinematics.step_all(joints, numbers)
+        assert np.array_equal(joints, alone)
 
 
 def test_with_the_step_before_no_joint_jumps_or_turns_about(kinematics: Kinematics) -> None:

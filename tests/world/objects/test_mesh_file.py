@@ -174,6 +174,7 @@ def test_a_folder_that_cannot_be_written_says_so(
         made(tmp_path, "box.stl", stl(VERTICES, FACES)).solid  # noqa: B018
 
 
+@pytest.mark.slow
 def test_two_processes_prepare_one_file(tmp_path: Path) -> None:
     import subprocess
 

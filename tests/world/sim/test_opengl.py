@@ -129,6 +129,7 @@ def test_where_nothing_works_the_packages_to_install_are_named(tmp_path: Path) -
     assert osmesa.startswith("  osmesa: its library is missing or lacks a function")
 
 
+@pytest.mark.slow
 def test_software_is_told_once_for_a_family_of_processes_and_none_is_bound_to_a_library() -> None:
     outcome = run_python(
         """

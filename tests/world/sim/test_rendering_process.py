@@ -13,6 +13,7 @@ from textwrap import dedent
 import pytest
 
 from tests.children import ran
+from tests.quick_first import quick_first
 
 IMAGES = """
 import hashlib
@@ -218,6 +219,7 @@ assert max(Counting.counts) > 60, sorted(Counting.counts)
 """
 
 
+@pytest.mark.slow
 def test_what_is_left_out_of_an_image_changes_nothing() -> None:
     done = ran("-c", LEFT_OUT, env=HEADLESS, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -302,7 +304,7 @@ def test_ctrl_c_ends_the_wait_for_a_child_that_hangs() -> None:
     assert process.returncode == 0
 
 
-@pytest.mark.parametrize("number", ["SIGKILL", "SIGSEGV"])
+@pytest.mark.parametrize("number", quick_first(["SIGKILL", "SIGSEGV"]))
 def test_a_child_that_crashes_in_an_image_is_an_error_that_names_how(number: str) -> None:
     with started(
         f"""
@@ -322,6 +324,7 @@ def test_a_child_that_crashes_in_an_image_is_an_error_that_names_how(number: str
         assert line_of(process) == "True\n"
 
 
+@pytest.mark.slow
 def test_between_images_a_child_may_die_unnoticed() -> None:
     with started("rendering_process.current().end()\nprint(seen() == first)") as process:
         child = int(line_of(process))
@@ -329,7 +332,7 @@ def test_between_images_a_child_may_die_unnoticed() -> None:
         assert is_gone(child)
 
 
-@pytest.mark.parametrize("how", ["killed", "left"])
+@pytest.mark.parametrize("how", quick_first(["killed", "left"]))
 def test_a_child_ends_with_its_parent(how: str) -> None:
     code = "input()" if how == "killed" else "os._exit(0)"
     with started(code) as process:

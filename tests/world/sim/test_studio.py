@@ -23,6 +23,7 @@ from duobench.world.sim.layout import Layout
 from duobench.world.sim.opengl import VULKAN
 from duobench.world.sim.rendering import Renderer, describe
 from duobench.world.sim.simulation import Simulation
+from tests.quick_first import quick_first
 from tests.world.sim.props import at_reset
 
 SIZE = 96
@@ -77,7 +78,7 @@ def test_an_image_depends_on_look_and_state_alone(simulation: Simulation, draw: 
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("camera", [*POLICY_CAMERAS, OVERVIEW])
+@pytest.mark.parametrize("camera", quick_first([OVERVIEW, *POLICY_CAMERAS], quick=2))
 def test_images_are_neither_dark_nor_burnt(draw: Draw, name: str, camera: str) -> None:
     image = draw(look(name), camera)
     assert 80 < image.mean() < 180
@@ -108,6 +109,13 @@ def test_shadows_fall_on_the_table(simulation: Simulation, renderer: Renderer, d
     assert 0.03 < darker[table].mean() < 0.5
 
 
+@pytest.fixture(scope="module")
+def plain(simulation: Simulation, renderer: Renderer) -> np.ndarray:
+    """An image of the studio as it is."""
+    renderer.set_look(ROOM)
+    return renderer.render(simulation.data, HEAD).astype(int)
+
+
 @pytest.mark.parametrize(
     "other",
     [
@@ -124,8 +132,9 @@ def test_shadows_fall_on_the_table(simulation: Simulation, renderer: Renderer, d
         replace(look("random:4"), renderer=STUDIO),
     ],
 )
-def test_all_that_a_look_may_change_changes_the_image(draw: Draw, other: Look) -> None:
-    plain = draw().astype(int)
+def test_all_that_a_look_may_change_changes_the_image(
+    draw: Draw, plain: np.ndarray, other: Look
+) -> None:
     changed = np.abs(draw(other) - plain).max(axis=2) > 4
     assert changed.mean() > 0.002
     assert np.array_equal(draw(), plain)
@@ -225,6 +234,7 @@ def test_an_object_keeps_a_texture_of_its_own_unless_a_look_has_another() -> Non
     assert green == [True, True, False]
 
 
+@pytest.mark.slow
 def test_edges_are_smooth_and_the_mean_of_many_is_the_same_picture(
     simulation: Simulation, draw: Draw
 ) -> None:

@@ -334,8 +334,9 @@ class _Beside(dict[str, bytes]):
         if not path.is_relative_to(self._folder) or not path.is_file():
             self.missing.append(name)
             raise FileNotFoundError(name)
+        data = _bytes_of(path)
         self.digests[name] = digest_of(path)
-        return _bytes_of(path)
+        return data
 
     def get(self, name: str, _default: object = None) -> bytes:
         """A file, as trimesh asks for a texture."""
@@ -358,9 +359,9 @@ def _bytes_of(path: Path) -> bytes:
 
 
 def _prepare(file: Path, trimesh: Any, coacd: Any) -> PreparedMesh:
+    data = _bytes_of(file)
     beside = _Beside(file)
     kind = file.suffix.lower().removeprefix(".")
-    data = _bytes_of(file)
     try:
         scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=beside)
         vertices, surfaces = _surfaces(file, scene)
