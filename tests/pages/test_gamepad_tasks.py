@@ -248,6 +248,7 @@ def carry_pot(operator: GamepadOperator) -> None:
 
 @pytest.mark.long
 def test_a_pot_is_carried_by_a_gamepad(tmp_path: Path) -> None:
+    """Privileged: who leads is told where tools, pot and stove are."""
     with led(tmp_path, "carry_pot", follower("gamepad"), WINDOW, CLOCK, PAD) as one:
         carry_pot(GamepadOperator(one))
         while one.session.state is not TeleopState.DECIDE:
