@@ -46,7 +46,7 @@ from duobench.web.server import MAX_PEERS
 from duobench.world.objects import chest, hexagon_peg, joint_blocks, shapes
 from duobench.world.objects.solid import PLA_DENSITY
 from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.frames import ROBOT
 from duobench.world.robot.workcell import FLOOR_Z
 from duobench.world.scene.compose import SUBSTEPS
 from duobench.world.sim.placement import REACH_X, REACH_Y
@@ -96,7 +96,7 @@ NUMBERS: Mapping[str, str] = {
     # Frames and images
     "image size": " × ".join(map(str, IMAGE_SIZE)),
     "lens size": f"{NATIVE_WIDTH} × {NATIVE_HEIGHT}",
-    "tool offset": f"{GRIPPER.tool_offset:.4f}",
+    "tool offset": f"{ROBOT.gripper.tool_offset:.4f}",
     "floor": f"{FLOOR_Z:.4f}",
     "reach x": span(REACH_X),
     "reach y": span(REACH_Y),
@@ -137,7 +137,7 @@ NUMBERS: Mapping[str, str] = {
     "arm tool_speed": arm("tool_speed"),
     "arm acceleration": arm("acceleration"),
     "arm home_fraction": arm("home_fraction"),
-    "gripper force": f"{GripperConfig().newtons:.0f}",
+    "gripper force": f"{GripperConfig().newtons(ROBOT.gripper):.0f}",
     "gripper silence": f"{robotiq.SILENT_S:g}",
     "largest tool speed": f"{MAX_TOOL_SPEED:g}",
     "largest force": f"{MAX_FORCE:g}",

@@ -39,7 +39,8 @@ from duobench.world.objects.solid import (
     printable,
 )
 from duobench.world.robot.cameras import POLICY_CAMERAS
-from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.world.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
+from duobench.world.robot.mounts import HOME_JOINTS
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent

@@ -15,6 +15,7 @@ from duobench.tasks.stages.logic import Predicate
 from duobench.tasks.stages.progress import Progress
 from duobench.tasks.task import Task
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT
 from duobench.world.sim import placement
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation
@@ -42,7 +43,7 @@ class TaskHarness:
         self.sim = Simulation(task.props)
         self.progress = Progress(task.stages)
         self.history: list[int] = []
-        self._kinematics = Kinematics()
+        self._kinematics = Kinematics(ROBOT)
         self._reached: dict[tuple[object, ...], Callable[[], None]] = {}
         self.start(0)
 

@@ -12,7 +12,7 @@ import pytest
 
 import duobench
 from duobench.envs.registration import env_id
-from duobench.world.sim.duo import HOME
+from duobench.world.robot.frames import ROBOT
 from tests.tasks.experts.baseline_episodes import SEEDS, baseline
 
 SEED, _ = SEEDS
@@ -45,7 +45,9 @@ def test_vector_environments_play_the_same_episodes(
     last = [len(episode.actions) - 1 for episode in episodes]
     ends: dict[int, str] = {}
     for step in range(max(last) + 1):
-        actions = [e.actions[step] if step < len(e.actions) else HOME.flat for e in episodes]
+        actions = [
+            e.actions[step] if step < len(e.actions) else ROBOT.home_command.flat for e in episodes
+        ]
         _, _, terminated, truncated, _ = envs.step(np.array(actions, dtype=np.float32))
         for number, over in enumerate(terminated | truncated):
             if step <= last[number]:

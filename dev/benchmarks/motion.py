@@ -15,7 +15,9 @@ from duobench.core.randomness import EVAL
 from duobench.core.types import OPENING_SLOTS, SIDES, DuoCommand
 from duobench.policy import Policy
 from duobench.world.kinematics.inverse import Kinematics
-from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.joints import JOINT_RANGES
+from duobench.world.robot.mounts import HOME_JOINTS
 
 MAX_REVERSAL = 0.02
 """Largest reversal of an expert's joint target in radians: the smaller one of two successive
@@ -127,7 +129,7 @@ def replay_as_poses(
     env: gym.Env = duobench.make(
         task, cameras=False, action_mode="cartesian", split=split
     )
-    kinematics = Kinematics()
+    kinematics = Kinematics(ROBOT)
     _, info = env.reset(seed=seed)
     for flat in [*commands, *commands[-1:] * LAG_STEPS]:
         command = DuoCommand.from_flat(np.asarray(flat, dtype=np.float64))

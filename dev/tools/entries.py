@@ -38,7 +38,7 @@ from duobench.tasks.experts.scripts import (
 )
 from duobench.world.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
 from duobench.world.objects.pot import HEIGHT
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 
 Entry = Callable[[Arms], Script]
 

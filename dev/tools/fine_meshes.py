@@ -28,8 +28,8 @@ from dev.tools.meshes import DIGESTS, SEAMS, missing
 from duobench.core.types import Array
 from duobench.world.scene import fine_meshes
 from duobench.world.scene.fine_meshes import NORMAL_STEPS, PAD, FineMesh
-from duobench.world.scene.gripper import PAD_SIZE, PADS
 from duobench.world.scene.meshes import POINTS_PER_METRE
+from duobench.world.scene.robotiq_2f85 import PAD_SIZE, PADS
 
 Recipe = Mapping[str, Mapping[str, str]]
 

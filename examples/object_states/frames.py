@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
 from duobench.core.types import ARM_JOINTS, SIDES
-from duobench.world.robot.frames import tool_frames
+from duobench.world.robot.frames import ROBOT
 
 Rows = NDArray[np.float32]
 QUARTERS = 4
@@ -48,7 +48,7 @@ def frames(state: Rows, objects: Rows, names: tuple[str, ...]) -> Frames:
     joints = state.reshape(len(state), len(SIDES), -1)[..., :ARM_JOINTS].astype(
         np.float64
     )
-    tools = [tool_frames(side, joints[:, side.index]) for side in SIDES]
+    tools = [ROBOT.tool_frames(side, joints[:, side.index]) for side in SIDES]
     table = np.tile(np.eye(3), (len(state), 1, 1))
     positions, rotations = [p for p, _ in tools], [r for _, r in tools]
     quarters = [np.zeros(len(state), np.int64)] * len(SIDES)

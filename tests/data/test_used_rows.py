@@ -31,6 +31,7 @@ from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.rewards import rewards_of
 from duobench.data.used_rows import Reason, UsedRows, used_rows
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT
 from tests.data.real.number_duo import SIZE, numbers_in, real_recorder
 from tests.data.test_lerobot import columns, files, frames
 from tests.data.tools import TASK, only
@@ -48,7 +49,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
     """An episode as people recorded it while time ran on: one leads, and thinks, and leads."""
     folder = tmp_path_factory.mktemp("people") / "session"
     made = duobench.make(TASK, cameras=False, horizon=9999, action_mode="cartesian")
-    env, kinematics = Recorder(made, folder, PERSON, has_clutch=True), Kinematics()
+    env, kinematics = Recorder(made, folder, PERSON, has_clutch=True), Kinematics(ROBOT)
     env.reset(seed=0)
     for phase in range(PHASES):
         for step in range(THINKING + LED):

@@ -21,7 +21,7 @@ from duobench.policy import PolicyMetadata
 from duobench.real.catalog import DRIVERS
 from duobench.real.rig import ArmConfig
 from duobench.results.records import Record
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.docs import markdown
 from tests.docs.markdown import DOCS, PAGES, ROOT, blocks, links, page_of, text_of
 

@@ -8,8 +8,8 @@ import numpy as np
 from duobench.core.backend import CameraGeometry, DuoLimits, Image, Sizes, Wanted
 from duobench.core.types import DuoCommand, DuoState
 from duobench.world.robot.camera_geometry import geometries
-from duobench.world.robot.frames import tcp_poses
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 
 
 class NumberArms:
@@ -60,7 +60,7 @@ class NumberArms:
         return DuoState(
             joints=self.last_command.joints,
             openings=self.last_command.openings,
-            tcp_poses=tcp_poses(self.last_command.joints),
+            tcp_poses=ROBOT.tcp_poses(self.last_command.joints),
         )
 
     def command(self, command: DuoCommand) -> DuoCommand:
@@ -79,4 +79,4 @@ class NumberArms:
         return {kind: {name: self.images((name,), size)[name] for name, size in sizes.items()}}
 
     def camera_geometry(self, sizes: Sizes) -> dict[str, CameraGeometry]:
-        return geometries(sizes, self.read().tcp_poses)
+        return geometries(sizes, self.read().tcp_poses, ROBOT.gripper)

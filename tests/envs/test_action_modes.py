@@ -18,6 +18,7 @@ from duobench.envs import (
 from duobench.envs.sim_env import SimEnv
 from duobench.tasks import catalog
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT
 from duobench.world.robot.joints import JOINT_RANGES, SERVO_LAG, VELOCITY_LIMITS
 from tests.envs.tools import TASK, Make, equal, sim_of, waves
 
@@ -36,7 +37,7 @@ def commanded(env: gym.Env) -> np.ndarray:
 
 def tools(env: gym.Env) -> dict[Side, SE3]:
     """Tool poses at the joints that were last commanded."""
-    return Kinematics().forward(sim_of(env).simulation.duo.command().joints)
+    return Kinematics(ROBOT).forward(sim_of(env).simulation.duo.command().joints)
 
 
 def poses_of(env: gym.Env) -> np.ndarray:

@@ -23,7 +23,7 @@ from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, ResetNeededError
 from duobench.evaluation.rollouts import Step, rollout
 from duobench.policy.baselines import HoldPolicy
 from duobench.tasks import catalog
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, wave
 from tests.real_episode import Person

@@ -21,7 +21,8 @@ from duobench.tasks.task import Task
 from duobench.world.objects.prop import Prop, Variant
 from duobench.world.objects.shapes import box
 from duobench.world.objects.solid import Solid
-from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.world.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
+from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.scene.naming import tcp_name
 from duobench.world.sim.layout import Layout
 from tests.envs.tools import TASK, equal, wave, waves

@@ -15,7 +15,7 @@ import duobench
 from duobench.core.types import DuoCommand
 from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 
 __all__ = [
     "TASK",

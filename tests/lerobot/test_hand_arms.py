@@ -11,6 +11,7 @@ from duobench.core.errors import MessageError
 from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, DuoCommand
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT
 from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
 from tests.teleop.operator import hand, message, said
 
@@ -49,7 +50,7 @@ def test_tools_move_as_the_hands_do(lockstep: bool) -> None:
     leader.step()
     assert "Lead a tool" in leader.arms.note
     command = leader.lead(SE3.at(*SHIFT), trigger=0.75)
-    kinematics = Kinematics()
+    kinematics = Kinematics(ROBOT)
     for side, home in kinematics.forward(OPEN_HOME.joints).items():
         moved = kinematics.forward(command.joints)[side].translation - home.translation
         np.testing.assert_allclose(moved, SHIFT, atol=2e-3)

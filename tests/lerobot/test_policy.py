@@ -24,7 +24,7 @@ from duobench.policy.lerobot_model import EpisodeNoise, LeRobotPolicy
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import make_any
 from duobench.results.bundle import read_source
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE, change
 from tests.lerobot.tools import HAS_GROOT, HERE, NEEDS_GROOT

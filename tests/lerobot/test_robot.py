@@ -14,7 +14,7 @@ from duobench.core.errors import ActionError, BackendError, OptionError, Unknown
 from duobench.core.types import Side
 from duobench.real.clock import VirtualClock
 from duobench.real.opening import open_rig
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from lerobot_env_duobench import DuoBenchDuo, DuoBenchDuoConfig
 from lerobot_env_duobench.config import KEYS
 from tests.real.simulated import simulated_rig

@@ -29,6 +29,8 @@ TAP_MM = 5
 NEAR_RAD = 0.1
 GRASP_MM = {"cube": 20, "block": 10}
 """Below the top of a thing."""
+OVER_MM = {"cube": 60, "block": 80}
+"""Above a thing, where it is all in the picture and large enough to tell its edges."""
 LIFT_MM = 80
 RAISED_MM = 200
 """How much higher than lifted a block is handed over."""
@@ -44,6 +46,8 @@ MOST_PIXELS = 120
 """Of a drag, before it is looked at again."""
 LEARNT = 10
 """Pixels of a picture from which on a drag tells how far drags go."""
+STRAY = 25
+"""Pixels from where something should be that are too many: it is something else."""
 GUESS = {"Head": 0.36, "Left wrist": 0.067, "Right wrist": 0.067}
 """Pixels of a camera's picture that a pixel of a drag from above moves a tool, at first; of a
 wrist's camera, as shares of how large a cube is there."""
@@ -433,19 +437,25 @@ class ScreenOperator:
 
     def aim(self, side: Side, thing: Thing, name: str, near: float, tries: int = 5) -> Seen | None:
         """Drag the tool until something is below it in a camera's picture."""
-        before = way = 0j
+        last: Seen | None = None
+        way = 0j
         for _ in range(tries):
             seen = self.see(side, thing, name)
+            if last is not None:
+                size = self._size(last, name)
+                left = last.away - way * self._pixels[name] * size
+                if seen is None or abs(seen.away - left) > STRAY + 0.6 * abs(last.away):
+                    return Seen(away=left, blob=last.blob)  # the marks are over it
+                if abs(last.away - seen.away) > LEARNT:
+                    learnt = (last.away - seen.away) / way / size
+                    if 0.3 < abs(learnt / self._pixels[name]) < 3:
+                        self._pixels[name] = learnt
             if seen is None:
                 return None
-            if way and abs(before - seen.away) > LEARNT:
-                learnt = (before - seen.away) / way / self._size(seen, name)
-                if 0.3 < abs(learnt / self._pixels[name]) < 3:
-                    self._pixels[name] = learnt
             self.log(f"{name}: away {seen.away:.1f}, area {seen.blob.area:.0f}")
             if abs(seen.away) < near:
                 return seen
-            before = seen.away
+            last = seen
             way = self.way(seen.away, seen, name)
             way *= min(1.0, MOST_PIXELS / abs(way))
             self.drag(way)
@@ -498,7 +508,7 @@ def take(op: ScreenOperator, side: Side, thing: Thing) -> bool:
         op.aim(side, thing, wrist, 8.0, 3)
         op.lower(side, 150, 30)
         turn_across(op, side, thing, 5.0)
-        op.lower(side, 60)
+        op.lower(side, OVER_MM[thing.shape])
         seen = turn_across(op, side, thing, 3.0)
         if seen is None:
             op.lower(side, 350, 30)

@@ -1,11 +1,17 @@
-"""A task of two hands by one gamepad, a stick for each: a program pushes sticks and buttons.
+"""Tasks of two hands by one gamepad: programs push sticks and buttons. In lockstep; see `leading`.
 
-It is told where tools and objects are, which a person has to see: it shows that the sticks suffice,
-and nothing of what a person can do with them. In lockstep; see `leading`.
+`GamepadOperator` is privileged: it is told where tools and objects are, which a person has to see.
+It moves each hand by a stick of its own, and shows that the sticks suffice.
+
+`PadOperator` gets pictures of the page and its words, and of a task what a person is told: sizes of
+board and cells, or of pot and stove, how high and how far apart they are to be grasped, that hands
+lean at the start and how high they are, how a ball rolls, and where the view from above looks from.
+With `--log-cli-level=INFO` it says what it sees.
 """
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,17 +21,21 @@ import pytest
 
 from duobench.core.spatial import SE3, length, product, rotation_vector
 from duobench.core.types import SIDES, Array, Side
-from duobench.data import DataSet, find_problems
+from duobench.data import Actor, DataSet, find_problems
 from duobench.envs.sim_env import sim_of
 from duobench.tasks.experts.motion import down
 from duobench.teleop.teleop_page import LEADING_VIEW
 from duobench.teleop.teleoperation import TeleopState
 from duobench.web.shading import as_camera
 from duobench.world.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
+from tests.pages import pad_operator
 from tests.pages.leading import Led, follower, led
+from tests.pages.pad_operator import MazePlayer, PadOperator
 from tests.pages.test_driving import PAD
 
+LOG = logging.getLogger(__name__)
 WINDOW = {"width": 900, "height": 600}
+WIDE = {"width": 1240, "height": 780}
 CLOCK = """{
   const clock = performance.now.bind(performance);
   let [before, shown] = [clock(), clock()];
@@ -246,7 +256,12 @@ def test_a_pot_is_carried_by_a_gamepad(tmp_path: Path) -> None:
         one.page.evaluate("push(9, 1)")
         while one.session.state is not TeleopState.OVER:
             one.turn()
-    data = DataSet.open(tmp_path)
+    check(tmp_path, actor)
+
+
+def check(folder: Path, actor: Actor) -> None:
+    """An episode was led by both hands at a time, to the last stage."""
+    data = DataSet.open(folder)
     (recording,) = data.recordings()
     outcome = recording.info.outcome
     assert outcome is not None
@@ -254,3 +269,25 @@ def test_a_pot_is_carried_by_a_gamepad(tmp_path: Path) -> None:
     assert recording.info.actor == actor
     assert recording.clutch.all(axis=1).any()  # both hands at a time
     assert not find_problems(data)
+
+
+def led_by_sight(folder: Path, task: str, play: Callable[[PadOperator], None]) -> None:
+    """Lead an episode by what the page shows, keep it, and check it."""
+    actor = follower("gamepad")
+    with led(folder, task, actor, WIDE, pad_operator.CLOCK, PAD) as one:
+        operator = PadOperator(one)
+        operator.log = LOG.info
+        play(operator)
+        LOG.info("%d s led", operator.led_s)
+        assert operator.keep(), operator.next
+    check(folder, actor)
+
+
+@pytest.mark.long
+def test_a_pot_is_carried_by_what_the_page_shows(tmp_path: Path) -> None:
+    led_by_sight(tmp_path, "carry_pot", pad_operator.carry_pot)
+
+
+@pytest.mark.long
+def test_a_ball_is_led_through_its_maze_by_what_the_page_shows(tmp_path: Path) -> None:
+    led_by_sight(tmp_path, "ball_maze", lambda operator: MazePlayer(operator).play())

@@ -31,7 +31,7 @@ from tests.real.sessions.operator import ONE, Stand
 from tests.teleop.test_real import PERSON, Keys
 
 HELD_S = 0.5
-"""Longest time from Space to arms that are held."""
+"""Longest time from the press of a key to arms that are held."""
 
 
 @dataclass
@@ -159,14 +159,29 @@ def trials(path: Path) -> Iterator[Session]:
         stand.ending.close()
 
 
-def seconds_after(act: Callable[[], object], is_so: Callable[[], bool]) -> float:
-    """Seconds from a press, which the browser has taken, until something is so."""
+NOTED = """{
+  const note = (event) => (window.pressed = performance.timeOrigin + event.timeStamp);
+  for (const type of ["keydown", "pointerdown"]) addEventListener(type, note, {capture: true});
+}"""
+"""A page that notes when it was pressed, not when it came to see that."""
+
+
+def seconds_after(page: Page, act: Callable[[], object], is_so: Callable[[], bool]) -> float:
+    """Seconds from a press, as the browser's own clock has it, until something is so."""
+    found: list[float] = []
+
+    def watch() -> None:
+        end = time.monotonic() + 20.0
+        while not is_so():
+            assert time.monotonic() < end, "it was never held"
+            time.sleep(0.002)
+        found.append(time.time())
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
     act()
-    start = time.monotonic()
-    while not is_so():
-        assert time.monotonic() < start + 20.0, "it was never held"
-        time.sleep(0.002)
-    return time.monotonic() - start
+    watcher.join()
+    return found[0] - page.evaluate("window.pressed") / 1000
 
 
 @pytest.mark.long
@@ -176,9 +191,9 @@ def test_space_holds_on_every_page_with_arms(
 ) -> None:
     with ExitStack() as ending:
         session: Session = ending.enter_context(page_of(tmp_path / "out"))  # type: ignore[arg-type]
-        page = ending.enter_context(opened(window, session.url, PHONE))
+        page = ending.enter_context(opened(window, session.url, PHONE, script=NOTED))
         session.begin(page)
-        other = ending.enter_context(opened(window, session.url, PHONE))
+        other = ending.enter_context(opened(window, session.url, PHONE, script=NOTED))
         other.wait_for_selector("#hold:visible")
         until(other, "document.querySelector('.state').textContent != ''")
         assert broken_rules(other) == []
@@ -188,8 +203,12 @@ def test_space_holds_on_every_page_with_arms(
             return lambda: where.keyboard.press("Space")
 
         button = "button:not([hidden]):not(:disabled):not(#hold)"
-        ways = [press(page, button), press(other, "body"), lambda: other.click("#hold")]
-        for number, way in enumerate(ways):
+        ways = [
+            (page, press(page, button)),
+            (other, press(other, "body")),
+            (other, lambda: other.click("#hold")),
+        ]
+        for number, (where, way) in enumerate(ways):
             if number:
                 session.go_on(page)
-            assert seconds_after(way, session.is_held) <= HELD_S
+            assert seconds_after(where, way, session.is_held) <= HELD_S

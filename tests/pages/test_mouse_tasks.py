@@ -23,7 +23,7 @@ from duobench.tasks.experts.scripts.transfer_cube import (
     SLANT,
 )
 from duobench.teleop.teleoperation import TeleopState
-from duobench.world.robot.frames import SHOULDERS
+from duobench.world.robot.frames import ROBOT
 from tests.pages.leading import follower, led
 from tests.pages.mouse_operator import MouseOperator
 
@@ -40,7 +40,7 @@ def hand_over(operator: MouseOperator, arms: Arms) -> None:
     operator.lead(receiver, ASIDE, COARSE)
     while not arms.grasps(giver, BAR.body):
         block = arms.sim.pose(BAR.body)
-        x, y, _ = block.translation - SHOULDERS[giver]
+        x, y, _ = block.translation - ROBOT.shoulders[giver]
         outwards = math.atan2(y, x) + giver.sign * math.radians(15)
         yaw = nearest_turn(block.yaw, math.pi, outwards)
         x, y, _ = block.translation + BAR.grip * np.array([math.cos(yaw), math.sin(yaw), 0.0])

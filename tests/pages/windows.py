@@ -32,14 +32,19 @@ def started() -> Iterator[Browser]:
 
 
 @contextmanager
-def opened(window: Browser, url: str, view: View = DESKTOP) -> Iterator[Page]:
-    """A page; whoever opens it fails with the first error or warning that it writes."""
+def opened(window: Browser, url: str, view: View = DESKTOP, *, script: str = "") -> Iterator[Page]:
+    """A page; whoever opens it fails with the first error or warning that it writes.
+
+    A script runs before those of the page.
+    """
     context = window.new_context(
         viewport={"width": view.width, "height": view.height},
         color_scheme="dark" if view.is_dark else "light",
         has_touch=view.width < 500,
         reduced_motion="reduce",
     )
+    if script:
+        context.add_init_script(script)
     page = context.new_page()
     complaints = complaints_of(page)
     try:

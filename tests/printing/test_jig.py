@@ -18,7 +18,7 @@ from duobench.printing.jig import ACROSS, FRONT, LINE, WIDTH
 from duobench.tasks import catalog
 from duobench.world.objects.shapes import KEPT_FREE, PRINTER
 from duobench.world.objects.solid import manifold_from, placed
-from duobench.world.robot.frames import BASE_POSES
+from duobench.world.robot.frames import ROBOT
 from tests.printing.test_folder import contents, failure, printed
 
 FEET = [
@@ -112,7 +112,7 @@ def test_by_default_it_is_for_the_simulated_foot_between_the_arms() -> None:
     for geom in low:
         cube = manifold3d.Manifold.cube((2 * model.geom_size[geom]).tolist(), True)
         assert (cube.translate(model.geom_pos[geom].tolist()) ^ lies).volume() < NOISE
-    bases = np.array([pose.translation for pose in BASE_POSES.values()])
+    bases = np.array([pose.translation for pose in ROBOT.mount.bases.values()])
     assert np.abs(bases[:, 0]).max() == 0
     assert bases[:, 1].sum() == 0
 

@@ -20,7 +20,7 @@ from duobench.real.duo import FrankaDuo
 from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.real.rig import Rig
 from duobench.real.supervisor import State
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.sim.layout import Layout
 from tests.real.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper, simulated_rig
 

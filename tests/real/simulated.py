@@ -28,7 +28,7 @@ from duobench.real.rig import (
 )
 from duobench.results.labels import Fault, FaultKind
 from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 
 ARM_RATE = 60.0
 """Natural frequency of a simulated arm in rad/s, critically damped."""

@@ -22,7 +22,8 @@ from duobench.real.duo import FrankaDuo
 from duobench.real.mounts import gravity_torques
 from duobench.real.rig import ArmConfig, CameraConfig, Rig
 from duobench.results.labels import FaultKind
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.rigs import arm, camera, confirmed, gripper, joints, new_rig
 from tests.real.simulated import CAMERA, SimulatedArm, SimulatedCamera, simulated_rig
 
@@ -209,11 +210,11 @@ def test_swapped_arms_are_found_by_their_torques() -> None:
     def checked(torques: np.ndarray) -> Check:
         plain = new_rig().readings()
         felt = {side: replace(plain[side], torques=torques[side.index]) for side in SIDES}
-        return mount_check(felt)
+        return mount_check(felt, ROBOT)
 
     noise = np.random.default_rng(0).normal(0, 0.5, (2, 7))
-    right_way = gravity_torques(HOME_JOINTS) + noise
-    swapped = checked(gravity_torques(HOME_JOINTS[::-1])[::-1] + noise)
+    right_way = gravity_torques(HOME_JOINTS, ROBOT) + noise
+    swapped = checked(gravity_torques(HOME_JOINTS[::-1], ROBOT)[::-1] + noise)
     assert "swapped" in swapped.advice
     others = [checked(torques).outcome for torques in (right_way, right_way + 60.0, 0 * noise)]
     assert [swapped.outcome, *others] == [FAILED, OK, CheckOutcome.NOTE, SKIPPED]

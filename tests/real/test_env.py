@@ -21,8 +21,8 @@ from duobench.real.judge import HumanJudge
 from duobench.real.supervisor import State
 from duobench.teleop.hands import HandDevice
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
-from duobench.world.robot.frames import tcp_poses
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.rigs import Steps, arm, new_rig, refused, wait
 from tests.teleop.operator import hand, message, said
 
@@ -109,7 +109,7 @@ def test_info_says_what_was_sent_how_late_and_how_old_images_are(made: Made) -> 
 def test_control_steps_keep_to_a_fixed_grid(made: Made) -> None:
     duo, env = made()
     observation, _ = env.reset(seed=0)
-    poses = tcp_poses(duo.read().joints)
+    poses = ROBOT.tcp_poses(duo.read().joints)
     assert observation["tcp_pose"] == pytest.approx(poses.ravel(), abs=1e-6)
     action = observation["agent_pos"]
     env.step(action)
@@ -270,7 +270,7 @@ def test_a_session_leads_records_and_keeps_an_episode(made: Made, tmp_path: Path
     assert session.state is TeleopState.RECORDING
     for number in range(60):
         send(1.0, min(0.05, 0.001 * number))
-    heights = duo.read().tcp_poses[:, 2] - tcp_poses(HOME_JOINTS)[:, 2]
+    heights = duo.read().tcp_poses[:, 2] - ROBOT.tcp_poses(HOME_JOINTS)[:, 2]
     assert heights == pytest.approx([0.05, 0.05], abs=2e-3)
     env.get_wrapper_attr("judge").declare(5)
     send(1.0, 0.05)

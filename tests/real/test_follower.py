@@ -17,8 +17,9 @@ from duobench.real.rig import (
     MAX_TOOL_SPEED,
     ArmConfig,
 )
-from duobench.world.robot.frames import tcp_poses, tool_frames, tool_jacobians
-from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS, speed_limits
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.joints import JOINT_RANGES, VELOCITY_LIMITS, speed_limits
+from duobench.world.robot.mounts import HOME_JOINTS
 
 HOME = HOME_JOINTS[0]
 DT = 1.0 / FOLLOWER_HZ
@@ -61,7 +62,7 @@ def check_bounds(positions: np.ndarray, speeds: np.ndarray, limits: ArmConfig) -
 
 
 def test_a_slow_path_is_followed_without_lag() -> None:
-    follower = Follower(HOME, FULL)
+    follower = Follower(HOME, FULL, ROBOT)
     times = np.arange(90) / 30.0
     targets = [HOME + 0.15 * (1 - np.cos(2.0 * t)) for t in times]
     positions, speeds = play(follower, targets)
@@ -77,7 +78,7 @@ def test_a_slow_path_is_followed_without_lag() -> None:
 @pytest.mark.parametrize("fraction", [0.1, 0.5])
 def test_a_far_target_is_approached_within_bounds_and_not_overshot(fraction: float) -> None:
     limits = replace(FULL, speed_fraction=fraction)
-    follower = Follower(HOME, limits)
+    follower = Follower(HOME, limits, ROBOT)
     goal = HOME + np.array([0.5, -0.5, 0.5, 0.5, -0.5, 0.5, 0.5])
     positions, speeds = play(follower, [goal], rest=6.0)
     check_bounds(positions, speeds, limits)
@@ -91,7 +92,7 @@ def test_whatever_is_told_no_bound_is_broken(samples: int) -> None:
     low, high = JOINT_RANGES.T
     for fraction, acceleration in ((0.5, MAX_ACCELERATION), (0.25, 4.0)):
         limits = ArmConfig(speed_fraction=fraction, acceleration=acceleration)
-        follower = Follower(HOME, limits)
+        follower = Follower(HOME, limits, ROBOT)
         targets = [rng.uniform(low - 0.5, high + 0.5) for _ in range(samples)]
         targets += [low] * 90 + [high] * 90
         check_bounds(*play(follower, targets), limits)
@@ -110,17 +111,17 @@ def test_whatever_is_told_the_tool_is_not_faster_than_it_may_be(most: float, sam
         [each for _ in range(samples // 15) for each in [rng.uniform(low, high)] * 15],
         [HOME + 0.6 * np.sign(np.sin(0.4 * number)) for number in range(samples)],
     ):
-        follower = Follower(HOME, limits)
+        follower = Follower(HOME, limits, ROBOT)
         positions, speeds = play(follower, targets, rest=1.0)
         check_bounds(positions, speeds, limits)
-        places, _ = tool_frames(Side.LEFT, positions)
+        places, _ = ROBOT.tool_frames(Side.LEFT, positions)
         fastest.append(np.linalg.norm(np.diff(places, axis=0), axis=1).max() / DT)
         assert follower.is_at_rest or np.abs(positions[-1] - targets[-1]).max() > 0.1
     assert 0.9 * most < max(fastest) < 1.12 * most
 
 
 def test_a_tool_that_may_not_be_fast_gets_where_it_is_led() -> None:
-    follower, goal = Follower(HOME, replace(FULL, tool_speed=0.1)), HOME + 0.3
+    follower, goal = Follower(HOME, replace(FULL, tool_speed=0.1), ROBOT), HOME + 0.3
     positions, _ = play(follower, [goal], rest=6.0)
     assert positions[-1] == pytest.approx(goal, abs=1e-4)
 
@@ -132,15 +133,15 @@ def test_tools_move_with_joints_as_their_jacobians_say() -> None:
             HOME_JOINTS + rng.uniform(-1.0, 1.0, (2, 7)),
             1e-6 * rng.normal(size=(2, 7)),
         )
-        moved = tcp_poses(joints + change)[:, :3] - tcp_poses(joints - change)[:, :3]
-        told = np.einsum("sij,sj->si", tool_jacobians(joints), 2.0 * change)
+        moved = ROBOT.tcp_poses(joints + change)[:, :3] - ROBOT.tcp_poses(joints - change)[:, :3]
+        told = np.einsum("sij,sj->si", ROBOT.tool_jacobians(joints), 2.0 * change)
         assert np.linalg.norm(told, axis=1) == pytest.approx(
             np.linalg.norm(moved, axis=1), rel=1e-5
         )
 
 
 def test_targets_keep_away_from_the_ends_of_the_range() -> None:
-    follower = Follower(HOME, FULL)
+    follower = Follower(HOME, FULL, ROBOT)
     for beyond, end in ((JOINT_RANGES[:, 1] + 1.0, HIGHEST), (JOINT_RANGES[:, 0], LOWEST)):
         positions, _ = play(follower, [beyond], rest=6.0)
         assert positions[-1] == pytest.approx(end, abs=1e-4)
@@ -149,7 +150,7 @@ def test_targets_keep_away_from_the_ends_of_the_range() -> None:
 
 
 def test_the_reference_stops_at_the_last_target_when_no_other_comes() -> None:
-    follower = Follower(HOME, FULL)
+    follower = Follower(HOME, FULL, ROBOT)
     targets = [HOME + 0.03 * number for number in range(1, 13)]  # 0.9 rad/s
     positions, speeds = play(follower, targets, rest=1.0)
     assert np.array_equal(speeds[-1], np.zeros(7))
@@ -162,7 +163,7 @@ def test_the_reference_stops_at_the_last_target_when_no_other_comes() -> None:
 
 
 def test_a_hold_comes_to_rest_as_fast_as_it_may_and_stays_there() -> None:
-    follower = Follower(HOME, FULL)
+    follower = Follower(HOME, FULL, ROBOT)
     play(follower, [HOME + 0.03 * number for number in range(1, 13)])
     speed = np.abs(follower.velocity).max()
     follower.hold()
@@ -180,7 +181,7 @@ def test_a_hold_comes_to_rest_as_fast_as_it_may_and_stays_there() -> None:
 
 
 def test_after_a_freeze_the_reference_goes_on_without_a_leap() -> None:
-    follower = Follower(HOME, FULL)
+    follower = Follower(HOME, FULL, ROBOT)
     follower.aim(HOME + 1.0)
     before = follower.advance(DT)[0]
     after = follower.advance(5.0)[0]
@@ -189,13 +190,13 @@ def test_after_a_freeze_the_reference_goes_on_without_a_leap() -> None:
 
 def test_the_same_calls_give_the_same_path() -> None:
     targets = [*(HOME + np.random.default_rng(1).normal(0, 0.1, (30, 7)))]
-    one, other = (play(Follower(HOME, FULL), targets)[0] for _ in range(2))
+    one, other = (play(Follower(HOME, FULL, ROBOT), targets)[0] for _ in range(2))
     assert np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("wrong", [np.full(7, np.nan), np.zeros(6), np.zeros((7, 1))])
 def test_what_is_no_joint_position_is_refused_and_changes_nothing(wrong: np.ndarray) -> None:
-    follower = Follower(HOME, FULL)
+    follower = Follower(HOME, FULL, ROBOT)
     with pytest.raises(ActionError, match="7 finite joint positions"):
         follower.aim(wrong)
     follower.advance(DT)
@@ -220,7 +221,7 @@ def test_near_an_end_of_its_range_a_joint_may_only_move_slowly_towards_it() -> N
 def test_no_order_of_calls_breaks_a_bound(seed: int, acceleration: float, samples: int) -> None:
     """Targets, holds, resets to where it is told to be, limits and uneven calls at random."""
     rng = np.random.default_rng(seed)
-    follower = Follower(HOME, replace(FULL, acceleration=acceleration))
+    follower = Follower(HOME, replace(FULL, acceleration=acceleration), ROBOT)
     low, high = JOINT_RANGES.T
     slowing = 0.0
     """Seconds in which a speed that was allowed before may still be too fast."""
@@ -257,7 +258,7 @@ def test_no_order_of_calls_breaks_a_bound(seed: int, acceleration: float, sample
 def test_resets_in_full_motion_keep_the_acceleration(samples: int) -> None:
     """A limit that narrows to a tenth in any motion, with and without a hold before it."""
     rng = np.random.default_rng(0)
-    follower, fastest = Follower(HOME, FULL), 0.0
+    follower, fastest = Follower(HOME, FULL, ROBOT), 0.0
     middle = JOINT_RANGES.mean(axis=1)
     for number in range(samples):
         follower.speed_fraction = FULL.speed_fraction

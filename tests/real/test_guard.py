@@ -19,8 +19,8 @@ from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.tasks import catalog
 from duobench.world.kinematics.inverse import Kinematics
-from duobench.world.robot.frames import tcp_poses
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.sim.layout import Layout
 from tests.real.rigs import (
     arm,
@@ -41,7 +41,7 @@ REAL_TASKS = ("hinge_chest", "ball_maze", "transfer_cube", "bin_sort")
 
 @pytest.fixture(scope="module")
 def guard() -> Guard:
-    return Guard()
+    return Guard(ROBOT)
 
 
 def leaning(change: float) -> Array:
@@ -54,7 +54,7 @@ def leaning(change: float) -> Array:
 
 def lowered() -> list[Array]:
     """Both hands led straight down from home, to 50 mm below the table."""
-    kinematics, way = Kinematics(), [HOME_JOINTS]
+    kinematics, way = Kinematics(ROBOT), [HOME_JOINTS]
     tools = kinematics.forward(HOME_JOINTS)
     heights = {side: tool.translation[2] for side, tool in tools.items()}
     for share in np.linspace(0.0, 1.0, 90):
@@ -93,7 +93,7 @@ def test_fingers_reach_the_table_and_no_further(guard: Guard) -> None:
     number, problem = next((k, found) for k, q in enumerate(way) if (found := guard.problem(q)))
     assert "finger" in problem
     assert "the table" in problem
-    heights = tcp_poses(way[number])[:, 2], tcp_poses(way[number - 1])[:, 2]
+    heights = ROBOT.tcp_poses(way[number])[:, 2], ROBOT.tcp_poses(way[number - 1])[:, 2]
     assert -0.02 < min(heights[0]) < 0.02
     assert min(heights[1]) < 0.03
 
@@ -222,7 +222,7 @@ def first_problem(guard: Guard, way: list[Array]) -> str:
 
 
 def test_hands_keep_away_from_what_stands_fixed_and_fingers_may_touch_it() -> None:
-    guard, way = Guard(), lowered()
+    guard, way = Guard(ROBOT), lowered()
     guard.set_scene(CHEST.props, chest_at(0.51, -0.21, 0.0))
     assert "the table" in first_problem(guard, way)  # fingers are in the chest before
     guard.set_scene(CHEST.props, chest_at(0.51, -0.21, 0.15))
@@ -237,7 +237,7 @@ def test_hands_keep_away_from_what_stands_fixed_and_fingers_may_touch_it() -> No
 
 
 def test_a_lid_is_where_somebody_left_it_and_nothing_to_keep_from() -> None:
-    guard = Guard()
+    guard = Guard(ROBOT)
     guard.set_scene(CHEST.props, chest_at(0.55, 0.0, 0.0))
     guard.nearest(HOME_JOINTS)
     assert "the chest" in guard._words.values()
@@ -291,17 +291,17 @@ def test_a_tool_is_not_led_out_of_the_workspace_and_finds_back_into_it() -> None
     assert "tool would be" in duo.fault.text
     assert "outside of the workspace" in duo.fault.text
     wait(duo, 0.5)
-    assert tcp_poses(joints(duo))[:, 2].min() > 0.395
+    assert ROBOT.tcp_poses(joints(duo))[:, 2].min() > 0.395
     outside = lowered()[40]
     assert duo.guard.problem(outside) is not None
-    assert tcp_poses(outside)[:, 2].max() < 0.38
+    assert ROBOT.tcp_poses(outside)[:, 2].max() < 0.38
     way = duo.guard.plan_path(outside, HOME_JOINTS)
     assert np.array_equal(way[-1], HOME_JOINTS)
     assert not duo.guard.is_free(outside, [lowered()[50]])  # further out
 
 
 def test_a_path_that_begins_outside_of_the_workspace_is_not_free_of_anything_else() -> None:
-    guard = Guard(Workspace(low=(0.1, -0.5, 0.4), high=(0.8, 0.5, 0.8)))
+    guard = Guard(ROBOT, Workspace(low=(0.1, -0.5, 0.4), high=(0.8, 0.5, 0.8)))
     outside = lowered()[40]
     meeting = next(c for c in np.arange(0.0, 1.2, 0.02) if guard.problem(leaning(c)))
     assert not guard.is_free(outside, [leaning(meeting + 0.1)])
@@ -309,7 +309,7 @@ def test_a_path_that_begins_outside_of_the_workspace_is_not_free_of_anything_els
 
 def test_a_lab_has_obstacles_of_its_own() -> None:
     mast = Obstacle(centre=(0.51, 0.21, 0.1), size=(0.1, 0.1, 0.1), yaw=0.3)
-    guard = Guard(obstacles={"mast": mast})
+    guard = Guard(ROBOT, obstacles={"mast": mast})
     problem = first_problem(guard, lowered())
     assert ("left" in problem, "the obstacle mast" in problem) == (True, True)
     assert "at least 20 mm" in problem  # fingers, too
@@ -321,4 +321,4 @@ def test_a_lab_has_obstacles_of_its_own() -> None:
 
 def test_experts_and_home_are_well_within_the_workspace_of_a_new_rig() -> None:
     box = Workspace()
-    assert min(box.room(tool[:3]) for tool in tcp_poses(HOME_JOINTS)) > 0.2
+    assert min(box.room(tool[:3]) for tool in ROBOT.tcp_poses(HOME_JOINTS)) > 0.2

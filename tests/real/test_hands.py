@@ -23,8 +23,8 @@ from duobench.real.opening import open_rig
 from duobench.real.rig import GripperConfig
 from duobench.real.supervisor import State
 from duobench.real.way_home import RETREAT, retreated
-from duobench.world.robot.frames import tool_pose
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.rigs import (
     Log,
     arm,
@@ -200,9 +200,9 @@ def test_a_reset_in_full_motion_keeps_the_acceleration_of_the_rig() -> None:
 def test_hands_go_back_along_their_own_axes_before_the_way_home() -> None:
     low = HOME_JOINTS.copy()
     low[:, 3] += 0.25
-    away = retreated(low)
+    away = retreated(low, ROBOT)
     for side in SIDES:
-        before, after = (tool_pose(side, each[side.index]) for each in (low, away))
+        before, after = (ROBOT.tool_pose(side, each[side.index]) for each in (low, away))
         back = before.rotation.T @ (after.translation - before.translation)
         assert back == pytest.approx([0.0, 0.0, -RETREAT], abs=2e-3)
         assert before.rotation.T @ after.rotation == pytest.approx(np.eye(3), abs=0.01)
@@ -218,7 +218,7 @@ def test_hands_go_back_along_their_own_axes_before_the_way_home() -> None:
     duo.hands.open()
     path = duo.path_home()
     assert len(path) == 2
-    assert path[0] == pytest.approx(retreated(duo.read().joints))
+    assert path[0] == pytest.approx(retreated(duo.read().joints, ROBOT))
 
 
 def test_a_hold_between_confirmation_and_home_is_kept() -> None:
@@ -234,7 +234,7 @@ def test_a_hold_between_confirmation_and_home_is_kept() -> None:
 
 def test_swapped_arms_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     duo = new_rig()
-    felt = gravity_torques(HOME_JOINTS[::-1])[::-1]
+    felt = gravity_torques(HOME_JOINTS[::-1], ROBOT)[::-1]
     noise = np.random.default_rng(0).normal(0.0, 0.3, (2, 7))
 
     def heavy(side: Side) -> None:
@@ -250,6 +250,6 @@ def test_swapped_arms_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) 
         heavy(side)
     assert "The arms are swapped: exchange their addresses" in refused(duo.start)
     assert duo.supervisor.state is State.OFF
-    felt = gravity_torques(HOME_JOINTS)
+    felt = gravity_torques(HOME_JOINTS, ROBOT)
     duo.start()
     assert duo.supervisor.state is State.CONNECTED

@@ -26,7 +26,8 @@ from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.sim import rendering_process
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.rendering import Renderer
@@ -335,7 +336,7 @@ class Late(VirtualClock):
 
 def test_a_late_world_goes_on_more_slowly_and_does_not_leap() -> None:
     clock = Late()
-    world = RehearsalWorld(clock)
+    world = RehearsalWorld(clock, ROBOT)
     world.enter(world)
     clock.wait_until(0.1)
     before = world._steps

@@ -20,8 +20,9 @@ from duobench.real.rig import (
     GripperConfig,
 )
 from duobench.real.supervisor import State
-from duobench.world.robot.frames import tool_frames
-from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.joints import VELOCITY_LIMITS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.rigs import (
     PERIOD,
     Log,
@@ -40,6 +41,8 @@ from tests.real.rigs import (
     wait,
 )
 from tests.real.simulated import simulated_rig
+
+GRIPPER = ROBOT.gripper
 
 AWAY = np.array([0.2, -0.2, 0.3, 0.2, -0.3, 0.2, 0.4])
 
@@ -150,7 +153,7 @@ def test_tools_are_led_no_faster_than_they_may_be_and_arms_together() -> None:
     for _ in range(15):
         duo.command(target)
     assert duo.read().joints == pytest.approx(target.joints, abs=2e-3)
-    places, _ = tool_frames(Side.RIGHT, np.array(log.joints))
+    places, _ = ROBOT.tool_frames(Side.RIGHT, np.array(log.joints))
     fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max() * FOLLOWER_HZ
     assert 0.15 < fastest < 0.2 * 1.05
 
@@ -216,7 +219,7 @@ def test_a_tool_that_may_not_be_fast_is_led_home_on_the_same_line(tool_speed: fl
     share = (told[:, 0] - told[0, 0]) / (told[-1, 0] - told[0, 0])
     line = told[0] + share[:, None] * (told[-1] - told[0])
     assert np.abs(told - line).max() < 0.01  # the way that the guard has looked at
-    places, _ = tool_frames(Side.LEFT, told)
+    places, _ = ROBOT.tool_frames(Side.LEFT, told)
     fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max() * FOLLOWER_HZ
     assert 0.5 * tool_speed < fastest < 1.05 * tool_speed
 
@@ -338,7 +341,10 @@ def test_a_new_rig_starts_low() -> None:
     assert (config.force_threshold, config.moment_threshold) == (30.0, 8.0)
     assert config.tool_speed == 0.25  # the reduced speed of ISO 10218-1
     gripper = GripperConfig()
-    assert (gripper.mm_per_s < 60.0, gripper.newtons < 45.0) == (True, True)
+    assert (gripper.mm_per_s(GRIPPER) < 60.0, gripper.newtons(GRIPPER) < 45.0) == (
+        True,
+        True,
+    )
     assert (config.speed_fraction, config.acceleration, config.home_fraction) == (0.25, 4.0, 0.1)
 
 

@@ -20,6 +20,7 @@ from duobench.teleop.messages import Message
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
 from duobench.web.messages import reader
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT
 
 ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)
 """The operator stands somewhere else; the axes are those of the room."""
@@ -66,7 +67,7 @@ class Operator:
     def __init__(self, session: Teleoperation, number: int = 0) -> None:
         self._session, self._number = session, number
         self._arms: Arms | None = None
-        self._kinematics = Kinematics()
+        self._kinematics = Kinematics(ROBOT)
 
     def next_message(self) -> bytes:
         """What the page would send now."""

@@ -8,8 +8,8 @@ import pytest
 from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array, DuoState
 from duobench.teleop.intent import Intent
 from duobench.teleop.pace import LONGEST_REST_S, QUIET_S, Movement, Pace, Phase
-from duobench.world.robot.frames import tcp_poses
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.quick_first import quick_first
 
 LONGEST, QUIET = round(LONGEST_REST_S * CONTROL_HZ), round(QUIET_S * CONTROL_HZ)
@@ -23,7 +23,7 @@ def turn(pace: Pace, *, leads: bool = False, asked: float = 1.0, measured: float
     state = DuoState(
         joints=np.array(HOME_JOINTS),
         openings=np.full(2, measured),
-        tcp_poses=tcp_poses(HOME_JOINTS),
+        tcp_poses=ROBOT.tcp_poses(HOME_JOINTS),
     )
     return pace.runs(Intent(action=action, clutch=(leads, leads), leads=leads), state)
 

@@ -34,6 +34,7 @@ from duobench.teleop.teleoperation import TeleopState
 from duobench.web.server import PageServer
 from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.frames import ROBOT
 from tests.real.rigs import new_rig, once_while_homing, quick_rig
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.teleop.toy import POLICY, Toy
@@ -129,13 +130,13 @@ class Bench:
 
 def test_hands_lead_real_arms_and_who_leads_says_that_it_is_solved(tmp_path: Path) -> None:
     bench = Bench(tmp_path, episodes=1)
-    before = Kinematics().forward(bench.duo.last_command.joints)
+    before = Kinematics(ROBOT).forward(bench.duo.last_command.joints)
     bench.lead(30)
     bench.say("keep")  # while it runs: it is solved
     for _ in range(10):
         bench.send(1.0, 0.03)
     assert bench.session.state is TeleopState.OVER
-    after = Kinematics().forward(bench.duo.last_command.joints)
+    after = Kinematics(ROBOT).forward(bench.duo.last_command.joints)
     for side in SIDES:
         moved = after[side].translation - before[side].translation
         assert moved == pytest.approx([0.0, 0.0, 0.03], abs=1e-3)

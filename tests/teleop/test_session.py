@@ -28,6 +28,7 @@ from duobench.teleop.teleoperation import (
     make_recorder,
 )
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT
 from tests.teleop.operator import HOMES, NEITHER, Operator, hand, led, message, said
 
 TASK = "carry_pot"
@@ -121,7 +122,7 @@ class Desk:
 
     def tools(self) -> dict[Side, SE3]:
         """Where the tools are commanded to be."""
-        return Kinematics().forward(self.session.env.base.backend.last_command.joints)
+        return Kinematics(ROBOT).forward(self.session.env.base.backend.last_command.joints)
 
     def is_at(self, places: dict[Side, SE3], tolerance: float) -> bool:
         tools = self.tools()

@@ -8,7 +8,7 @@ from duobench.core.spatial import SE3, length, rotation_by
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.teleop.shaping import BOX, LEASH, REACH, OneEuro, Shaper
 from duobench.world.kinematics import inverse
-from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
+from duobench.world.robot.frames import ROBOT
 
 DOWN = SE3.about((1, 0, 0), math.pi)
 
@@ -53,15 +53,15 @@ def test_a_tool_is_led_no_further_than_reach_box_and_leash_allow() -> None:
     for side in SIDES:
         for _ in range(50):
             wanted = tool(*rng.uniform([-1, -2, -1], [2, 2, 2]))
-            shaped = Shaper(side)(wanted, wanted)
-            wrist = (shaped.pose @ LINK7_FROM_TCP.inverse()).translation
-            assert length(wrist - SHOULDERS[side]) <= REACH + 1e-9
+            shaped = Shaper(side, ROBOT)(wanted, wanted)
+            wrist = (shaped.pose @ ROBOT.link7_from_tcp.inverse()).translation
+            assert length(wrist - ROBOT.shoulders[side]) <= REACH + 1e-9
             assert shaped.is_limited == (length(shaped.pose.translation - wanted.translation) > 0)
-            assert max(inverse.within_reach(side, shaped.pose).distance(shaped.pose)) < 1e-9
+            assert max(inverse.within_reach(ROBOT, side, shaped.pose).distance(shaped.pose)) < 1e-9
     here = tool(0.5, 0.2, 0.3)
-    assert not Shaper(Side.LEFT)(here, here).is_limited
-    pressed = Shaper(Side.LEFT)(here, here.moved(z=0.25))
+    assert not Shaper(Side.LEFT, ROBOT)(here, here).is_limited
+    pressed = Shaper(Side.LEFT, ROBOT)(here, here.moved(z=0.25))
     assert pressed.is_limited
     assert math.isclose(pressed.pose.translation[2], 0.55 - LEASH)
-    deep = Shaper(Side.LEFT)(here.moved(z=-0.35), here.moved(z=-0.29))
+    deep = Shaper(Side.LEFT, ROBOT)(here.moved(z=-0.35), here.moved(z=-0.29))
     assert (deep.is_limited, deep.pose.translation[2]) == (True, BOX[0, 2])

@@ -17,6 +17,7 @@ from duobench.cli.shared.progress import EpisodesKept, display
 from duobench.core.files import taken_back
 from duobench.results.run import TimeLimits
 from duobench.results.suite import find_tasks
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 if TYPE_CHECKING:
     from duobench.evaluation.runners.evaluations import Attempt
@@ -48,6 +49,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     which: tyro.conf.OmitArgPrefixes[EpisodesRecorded] = _EPISODES,
     workers: int = 1,
     instructions: Literal["fixed", "varied"] = "fixed",
+    gripper: str = DEFAULT_GRIPPER,
     keep_failures: bool = False,
     after_success: float = 1.0,
     limits: tyro.conf.OmitArgPrefixes[TimeLimits] = _LIMITS,
@@ -67,6 +69,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         workers: Processes that play side by side.
         instructions: What the policy is told and the data set says: the task's own instruction, or
             in each episode one that is sampled from it and ten paraphrases.
+        gripper: Gripper on both arms, such as franka_hand, or module:ATTRIBUTE.
         keep_failures: Keep every episode, whether it succeeds or not.
         after_success: Seconds that a recording goes on after success, while the hands open and
             retreat; 0 ends it there.
@@ -99,6 +102,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             after_success=after_success,
             limits=limits,
             workers=workers,
+            gripper=gripper,
             observers=[EpisodesKept(shown)],
             command=command,
         )

@@ -15,6 +15,8 @@ from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine
 from duobench.core.files import taken_back
 from duobench.tasks import catalog
+from duobench.world.robot.frames import robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 _LEADING, _PAGE = LeadingOptions(), PageOptions()
 
@@ -26,6 +28,7 @@ def run(
     plan: str | None = None,
     episodes: int = 10,
     look: str = "default",
+    gripper: str = DEFAULT_GRIPPER,
     leading: tyro.conf.OmitArgPrefixes[LeadingOptions] = _LEADING,
     page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
 ) -> None:
@@ -46,6 +49,7 @@ def run(
             several operators, each with a process of their own, lead different ones.
         episodes: How many episodes of the one task to keep, those that are there counted.
         look: How images of the episodes look, unless they are exported with another one.
+        gripper: Gripper on both arms, such as franka_hand, or module:ATTRIBUTE.
         leading: Who leads the arms, and with what.
         page: Where the page is served.
     """
@@ -78,7 +82,9 @@ def run(
         )
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         tasks = find_tasks(wanted.tasks)
-        led_by = leading.open(ending, partial(find_policy, tasks=tasks))
+        led_by = leading.open(
+            ending, partial(find_policy, tasks=tasks), robot_with(gripper)
+        )
 
         def make(task: str, actor: Actor) -> Teleoperation:
             """Make the session of a task that an actor leads."""
@@ -87,6 +93,7 @@ def run(
                 out,
                 actor,
                 look=look,
+                gripper=gripper,
                 **led_by.recorder_settings,
             )
             return Teleoperation(

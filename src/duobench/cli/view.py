@@ -13,6 +13,7 @@ from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
 from duobench.results.folder import RunFolder
 from duobench.world.robot.cameras import view_from
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 _PAGE = PageOptions()
 
@@ -22,6 +23,7 @@ def run(
     tasks: tuple[str, ...] = (),
     page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
     look: str = "default",
+    gripper: str = DEFAULT_GRIPPER,
     camera: str | None = None,
     import_tasks: bool = False,
     follow: bool = False,
@@ -39,6 +41,7 @@ def run(
         page: Where the page is served.
         look: Look of the scene, without textures: wood_table, dark, random:7, ... (see
             the page looks).
+        gripper: Gripper with which a task is shown; episodes have their own.
         camera: Where the page looks from at first: head, or a camera of your own on the table, as
             JSON or module:NAME.
         import_tasks: Import tasks of episodes that are not of the benchmark, which runs the code of
@@ -64,6 +67,7 @@ def run(
             tasks,
             import_tasks=import_tasks,
             view=view,
+            gripper=gripper,
         )
     )
     with closing(page.serve()) as server:

@@ -166,6 +166,11 @@ class DuoBackend(Protocol):
         ...
 
     @property
+    def robot(self) -> Any:
+        """Description of the arms, a `world.robot.frames.Robot`."""
+        ...
+
+    @property
     def limits(self) -> DuoLimits:
         """Limits of the arms."""
         ...

@@ -10,7 +10,7 @@ picks its kernel by the type of the processor, and kernels differ in the last bi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -73,16 +73,32 @@ def hypot(*parts: Any) -> Any:
     return np.asarray(lengths, dtype=np.float64)
 
 
-def matrix_from_wxyz(wxyz: Iterable[float]) -> Array:
+def unit_quaternion(parts: Iterable[float]) -> list[float]:
+    """A quaternion (4,), divided by its length.
+
+    Raises:
+        ValueError: It has no length, so it names no orientation.
+    """
+    quat = list(parts)
+    norm = math.sqrt(sum_of_products(quat, quat))
+    if not norm > 0.0:
+        raise ValueError(f"A quaternion of length {norm:g} names no orientation.")
+    return [part / norm for part in quat]
+
+
+def matrix_from_wxyz(wxyz: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of a unit quaternion in w x y z order."""
-    w, x, y, z = map(float, wxyz)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return np.array(rows_from_wxyz(np.asarray(wxyz).tolist()))
+
+
+def rows_from_wxyz(wxyz: Iterable[float]) -> list[list[float]]:
+    """`matrix_from_wxyz` in Python's floats, which are faster than arrays of three."""
+    w, x, y, z = wxyz
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
 
 
 def wxyz_from_matrix(matrix: ArrayLike) -> Array:
@@ -91,8 +107,11 @@ def wxyz_from_matrix(matrix: ArrayLike) -> Array:
     The largest of the four squared components is computed first (Shepperd's method), so that no
     division by a small number happens.
     """
-    # In Python's floats, which are faster than arrays of three.
-    m = np.asarray(matrix, dtype=np.float64).tolist()
+    return np.array(wxyz_from_rows(np.asarray(matrix, dtype=np.float64).tolist()))
+
+
+def wxyz_from_rows(m: Sequence[Sequence[float]]) -> list[float]:
+    """`wxyz_from_matrix` in Python's floats, which are faster than arrays of three."""
     diagonal = [m[0][0], m[1][1], m[2][2]]
     trace = diagonal[0] + diagonal[1] + diagonal[2]
     largest = max(diagonal)
@@ -110,8 +129,8 @@ def wxyz_from_matrix(matrix: ArrayLike) -> Array:
         q[1 + i] = 1 + m[i][i] - m[j][j] - m[k][k]
         q[1 + j] = m[j][i] + m[i][j]
         q[1 + k] = m[k][i] + m[i][k]
-    quat = np.array(q) / math.sqrt(sum_of_products(q, q))
-    return -quat if q[0] < 0 else quat
+    size = math.sqrt(sum_of_products(q, q))
+    return [-part / size for part in q] if q[0] < 0 else [part / size for part in q]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,20 +163,14 @@ class SE3:
         return SE3(rotation_about(axis, angle))
 
     @staticmethod
-    def from_wxyz(
-        wxyz: Iterable[float], translation: ArrayLike = (0.0, 0.0, 0.0)
-    ) -> SE3:
+    def from_wxyz(wxyz: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> SE3:
         """Transform from a quaternion (4,) in w x y z order, normalized here, and a position.
 
         Raises:
             ValueError: The quaternion has no length, so it names no orientation.
         """
-        quat = [float(part) for part in wxyz]
-        norm = math.sqrt(sum_of_products(quat, quat))
-        if not norm > 0.0:
-            raise ValueError(f"A quaternion of length {norm:g} names no orientation.")
-        unit = [part / norm for part in quat]
-        return SE3(matrix_from_wxyz(unit), np.asarray(translation))
+        unit = unit_quaternion(np.asarray(wxyz, dtype=np.float64).tolist())
+        return SE3(np.array(rows_from_wxyz(unit)), np.asarray(translation))
 
     @staticmethod
     def from_tquat(tquat: ArrayLike) -> SE3:

@@ -16,6 +16,7 @@ from duobench.data.recording import Recording
 from duobench.data.used_rows import Span
 from duobench.envs.action_modes import CARTESIAN_RELATIVE, JOINT_RELATIVE
 from duobench.tasks import catalog
+from duobench.world.robot.frames import Robot
 
 STILL = 1e-4
 """Motion in a step below which an object is at rest, in metres."""
@@ -101,7 +102,7 @@ def _poses(
     parts += [(STILL_TOOL, 3), _ROTATION] * len(SIDES)
     poses: list[NDArray[Any]] = [recording.agent_pos, recording.tcp_pose]
     if not recording.info.is_real:
-        coordinates = _coordinates(task)
+        coordinates = _coordinates(task, recording.info.robot)
         parts += coordinates
         size = sum(count for _, count in coordinates)
         poses.append(recording.state[:, _QPOS : _QPOS + size])
@@ -110,14 +111,14 @@ def _poses(
 
 
 @lru_cache(maxsize=1)
-def _coordinates(task: str) -> list[tuple[float, int]]:
+def _coordinates(task: str, robot: Robot) -> list[tuple[float, int]]:
     """The same of the coordinates of a task's simulation."""
     # Recordings of real arms do without the engine.
     import mujoco
 
     from duobench.world.sim.simulation import Simulation
 
-    model = Simulation(catalog.get(task).props).model
+    model = Simulation(catalog.get(task).props, robot=robot).model
     parts_of = {
         mujoco.mjtJoint.mjJNT_FREE: [_PLACE, _ROTATION],
         mujoco.mjtJoint.mjJNT_BALL: [_ROTATION],

@@ -35,6 +35,7 @@ from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, Camera
+from duobench.world.robot.frames import Robot
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation
@@ -95,6 +96,17 @@ class ImageSource:
         """Change the look of later images; the model is not compiled again."""
         self._backend.set_look(as_look(look))
 
+    def take(self, robot: Robot) -> None:
+        """Show a robot from now on; another one than before is compiled first."""
+        if robot == self.simulation.robot:
+            return
+        task, look = self.definition, self._backend.look
+        self._backend.close()
+        self.simulation = Simulation(task.props, task.overview, robot)
+        self._backend = SimBackend(self.simulation)
+        self._backend.set_look(look)
+        self._layout = None
+
     def show(self, recording: Recording, row: int) -> None:
         """Bring the simulation into the state of a row of a recording.
 
@@ -105,6 +117,7 @@ class ImageSource:
             raise DataError(
                 f"The episode has states 0 to {len(recording.state) - 1}, not {row}."
             )
+        self.take(recording.info.robot)
         try:
             if recording.info.layout != self._layout:
                 self._layout = None

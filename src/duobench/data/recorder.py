@@ -151,7 +151,9 @@ class Recorder(DuoWrapper):
             "action_names": mode.names,
             "action_mode": mode.name,
             "after_success": self._steps_after_success / CONTROL_HZ,
-            "cameras": {} if self._sim is None else describe_cameras(),
+            "cameras": {}
+            if self._sim is None
+            else describe_cameras(self._sim.simulation.robot.gripper),
             "has_clutch": has_clutch,
             "domain": Domain.REAL if self._sim is None else Domain.SIM,
         }  # what every episode says

@@ -10,7 +10,7 @@ from duobench.core.types import SIDES, DuoState, Side
 from duobench.data.schema import RigFacts, VideoFacts
 from duobench.data.stream import EpisodeRows, EpisodeStream
 from duobench.data.videos import FrameSource, Videos
-from duobench.world.robot.frames import tcp_poses
+from duobench.world.robot.frames import Robot
 from duobench.world.sim.layout import Layout
 
 _MEASURED = ("time_s", "joints", "velocities", "torques")
@@ -23,6 +23,11 @@ class RigState(Protocol):
     @property
     def rig(self) -> Any:
         """The rig, with `name`, `hash`, `arms`, `grippers` and `cameras`."""
+        ...
+
+    @property
+    def robot(self) -> Robot:
+        """Description of the arms."""
         ...
 
     @property
@@ -101,7 +106,11 @@ class RigRecorder:
         readings, grippers = self._duo.readings(), self._duo.gripper_readings()
         joints = np.array([readings[side].joints for side in SIDES])
         openings = np.array([grippers[side].opening for side in SIDES])
-        state = DuoState(joints=joints, openings=openings, tcp_poses=tcp_poses(joints))
+        state = DuoState(
+            joints=joints,
+            openings=openings,
+            tcp_poses=self._duo.robot.tcp_poses(joints),
+        )
         now = self._duo.clock.now()
         row = {
             "agent_pos": state.flat.astype(np.float32),

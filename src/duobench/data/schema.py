@@ -20,6 +20,7 @@ from duobench.envs import action_modes
 from duobench.envs.action_modes import JOINT, ActionMode
 from duobench.envs.config import EnvConfig
 from duobench.envs.spaces import JOINT_NAMES
+from duobench.world.robot.frames import Robot
 
 SCHEMA = 6
 """Version of the columns and of `EpisodeInfo`; raised when one is removed or changes, or is added
@@ -291,6 +292,11 @@ class EpisodeInfo:
     """Those who led, `actor` first, where several did; the column `leader` counts in them."""
     takeovers: tuple[Takeover, ...] = ()
     """Beginnings of what was led in the place of a policy, by step."""
+
+    @property
+    def robot(self) -> Robot:
+        """Description of its arms."""
+        return (self.config or EnvConfig()).robot
 
     @property
     def is_real(self) -> bool:

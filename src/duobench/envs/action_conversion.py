@@ -32,7 +32,7 @@ class ActionConverter:
         self._env = env
         self._given = given
         self._wanted: str = env.get_wrapper_attr("action_mode")
-        self._kinematics = Kinematics()
+        self._kinematics = Kinematics(base_of(env).backend.robot)
 
     def __call__(self, action: Array) -> Array:
         """The action in the environment's mode, at this moment."""

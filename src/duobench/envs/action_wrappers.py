@@ -218,7 +218,7 @@ class CartesianActions(ActionModeWrapper):
 
     def __init__(self, env: gym.Env) -> None:
         super().__init__(env)
-        self.kinematics = Kinematics()
+        self.kinematics = Kinematics(self.base.backend.robot)
         """The solver, for wrappers outside this one."""
 
     def check_action(self, action: Any) -> Array:
@@ -257,11 +257,7 @@ def joint_targets(kinematics: Kinematics, joints: Array, poses: Array) -> Array:
     The poses are Cartesian actions, and their openings those of the joint actions.
     """
     actions = poses.reshape(-1, len(SIDES), SIDE_SIZE).copy()
-    targets = {
-        side: [SE3.from_tquat(tquat) for tquat in actions[:, side.index, :ARM_JOINTS]]
-        for side in SIDES
-    }
-    actions[..., :ARM_JOINTS] = kinematics.step_all(joints, targets)
+    actions[..., :ARM_JOINTS] = kinematics.step_all(joints, actions[..., :ARM_JOINTS])
     return actions.reshape(poses.shape)
 
 

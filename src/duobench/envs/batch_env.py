@@ -386,6 +386,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         )
         for limits in self._limits:
             within = limits.clip(within, self._sent, measured, velocities)
+        gripper = self._base.backend.robot.gripper
+        waits = np.flatnonzero(~gripper.takes_target(self._steps))[:, None]
+        within[waits, OPENINGS] = self._sent[waits, OPENINGS]
         self._sent[where] = within[where]
         worlds = np.flatnonzero(where)
         if len(worlds):

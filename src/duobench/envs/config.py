@@ -41,7 +41,10 @@ from duobench.world.robot.cameras import (
     POLICY_CAMERAS,
     Camera,
 )
+from duobench.world.robot.frames import Robot, robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 from duobench.world.robot.joints import check_speed_fraction
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 RENDER_MODES = ("rgb_array",)
 RENDERED = "rgb_array gives images; duobench view bin_sort shows the task in a browser."
@@ -106,6 +109,10 @@ class EnvConfig:
     """Part of the joints' speed limits that simulated arms use: below 1, they keep the slower
     limits of real arms, of which a rig's file says the fraction, and 0.05 rad of distance from the
     ends of the joints' ranges. Actions and spaces stay as they are; targets beyond are clipped."""
+    gripper: str = DEFAULT_GRIPPER
+    """Gripper on both arms, one of `GRIPPERS`, or the path "module:ATTRIBUTE" of one's own."""
+    mount: str = DEFAULT_MOUNT
+    """Mounting of the arms, one of `MOUNTS`."""
     render_mode: str | None = None
     """ "rgb_array", for `render`."""
     render_size: tuple[int, int] = RENDER_SIZE
@@ -117,6 +124,7 @@ class EnvConfig:
 
     def __post_init__(self) -> None:
         action_modes.get(self.action_mode)
+        robot_with(self.gripper, self.mount)
         check_known("split", self.split, SPLITS)
         check_known("kind of instructions", self.instructions, INSTRUCTIONS)
         check_known("reward", self.reward, REWARDS)
@@ -147,6 +155,17 @@ class EnvConfig:
             raise OptionError(
                 f"A shift is a Shift, its name or its fields; got {self.shift!r}."
             )
+
+    @property
+    def robot(self) -> Robot:
+        """Description of the arms."""
+        return robot_with(self.gripper, self.mount)
+
+    @property
+    def other_robot(self) -> str:
+        """Gripper and mount that are not the paper's, in a word; empty where both are."""
+        usual = {self.gripper: DEFAULT_GRIPPER, self.mount: DEFAULT_MOUNT}
+        return " ".join(given for given, default in usual.items() if given != default)
 
     @property
     def camera_names(self) -> tuple[str, ...]:

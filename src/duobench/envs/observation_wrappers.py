@@ -407,7 +407,10 @@ class Sensing(DuoWrapper):
             from duobench.world.sim.simulation import Simulation
 
             task = self._base.definition
-            self._past_backend = SimBackend(Simulation(task.props, task.overview))
+            robot = self._base.backend.robot
+            self._past_backend = SimBackend(
+                Simulation(task.props, task.overview, robot)
+            )
         backend = self._past_backend
         backend.set_look(self._base.look)
         backend.simulation.apply(self._base.layout)

@@ -66,6 +66,7 @@ def make_base(task: str | Task, **options: Any) -> SimEnv:
         look=config.look,
         speed_fraction=config.speed_fraction,
         shift=config.shift,
+        robot=config.robot,
     )
     base.config = config
     base.reference = catalog.reference(task)

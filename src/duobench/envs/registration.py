@@ -54,6 +54,8 @@ class EnvOptions(TypedDict, total=False):
     reward: str
     split: str
     speed_fraction: float
+    gripper: str
+    mount: str
     render_mode: str | None
     render_size: int | Sequence[int]
     look: str | Look | Mapping[str, Any]
@@ -121,6 +123,8 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
               "dense": to it and to how near the next stage is.
             - `split` ("eval"): layouts; "train" for demonstrations.
             - `speed_fraction` (1.0): part of the joints' speed limits that the arms use.
+            - `gripper` (the paper's): a gripper of `GRIPPERS` on both arms, or "module:ATTRIBUTE".
+            - `mount` ("duo"): how the arms are mounted; "wide" has them 200 mm further apart.
             - `render_mode` (None): "rgb_array", for `render`.
             - `render_size` (480, 640): height and width of its image, in pixels.
             - `look` ("default"): how images look; `duobench.world.looks.names()` lists them.

@@ -46,6 +46,7 @@ from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.frames import ROBOT, Robot
 from duobench.world.sim import placement
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.layout import Layout
@@ -76,6 +77,7 @@ class SimEnv(DuoEnv):
         look: How images look; a name or a look.
         speed_fraction: Part of the joints' speed limits that the arms use; see `EnvConfig`.
         shift: What differs from the usual episodes, by the seed of the layout.
+        robot: Description of the arms.
 
     Raises:
         UnknownNameError: There is no such look, or it names an object that the task has not.
@@ -91,8 +93,9 @@ class SimEnv(DuoEnv):
         look: str | Look = DEFAULT,
         speed_fraction: float = 1.0,
         shift: Shift = NO_SHIFT,
+        robot: Robot = ROBOT,
     ) -> None:
-        self.simulation = Simulation(task.props, task.overview)
+        self.simulation = Simulation(task.props, task.overview, robot)
         """The physics."""
         self._arms = SimBackend(self.simulation, speed_fraction)
         super().__init__(self._arms, task)

@@ -243,6 +243,8 @@ class EpisodeRunner:
             instructions=job.recording.instructions if job.recording else FIXED,
             split=job.recording.split if job.recording else EVAL,
             look=job.suite.look,
+            gripper=job.suite.gripper,
+            mount=job.suite.mount,
         )
         with before_policy(""):
             shown_by = as_look(config.look).renderer

@@ -35,7 +35,9 @@ from duobench.world.robot.cameras import (
     MUJOCO_FROM_OPENCV,
     NATIVE_HEIGHT,
     NATIVE_WIDTH,
+    cameras_with,
 )
+from duobench.world.robot.gripper import DEFAULT_GRIPPER, GRIPPERS, Gripper
 
 if TYPE_CHECKING:
     from duobench.data.images import View
@@ -50,12 +52,12 @@ def focal_of(camera: str) -> float:
     return CAMERAS[camera].focal
 
 
-def nominal_pose(camera: str) -> SE3:
+def nominal_pose(camera: str, gripper: Gripper = GRIPPERS[DEFAULT_GRIPPER]) -> SE3:
     """Return the pose of a simulated camera (x right, y down, z forwards) in its parent.
 
     The parent is the table for the head, and the flange for a wrist.
     """
-    return CAMERAS[camera].pose @ MUJOCO_FROM_OPENCV
+    return cameras_with(gripper)[camera].pose @ MUJOCO_FROM_OPENCV
 
 
 def distorted(points: Array, lens: CameraCalibration) -> Array:

@@ -9,10 +9,10 @@ from typing import Any
 
 from duobench.core.errors import OptionError, check_known
 from duobench.core.references import load
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.gripper import DEFAULT_GRIPPER, GRIPPERS
 
 FRANKY = "franky"
-HARDWARE_GRIPPER = GRIPPER.word
+HARDWARE_GRIPPER = GRIPPERS[DEFAULT_GRIPPER].word
 REHEARSAL = "rehearsal"
 OWN = "module:NAME"
 """Form of the name of a driver that has no row."""
@@ -29,6 +29,8 @@ class Driver:
     """Names by which pip knows the libraries that it needs."""
     is_computed: bool = False
     """Whether it drives no hardware, so that its time may be computed too."""
+    is_on_arm: bool = False
+    """Whether a gripper is reached through the control box of its arm."""
     has_depth: bool = False
     """Whether a camera may measure depth."""
 
@@ -47,10 +49,14 @@ DRIVERS: dict[str, dict[str, Driver]] = {
         REHEARSAL: _REHEARSAL,
     },
     "grippers": {
-        HARDWARE_GRIPPER: Driver(
-            path=f"duobench.real.drivers.{GRIPPER.driver}",
-            packages=GRIPPER.libraries,
-        ),
+        **{
+            gripper.word: Driver(
+                path=gripper.driver,
+                packages=gripper.libraries,
+                is_on_arm=gripper.is_on_arm,
+            )
+            for gripper in GRIPPERS.values()
+        },
         REHEARSAL: _REHEARSAL,
     },
     "cameras": {

@@ -7,8 +7,7 @@ import numpy as np
 
 from duobench.core.errors import OptionError
 from duobench.core.types import Array
-from duobench.world.robot.frames import tcp_poses
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import Robot
 
 Point = tuple[float, float, float]
 LONGEST = 5.0
@@ -24,13 +23,19 @@ class Workspace:
     high: Point = (0.8, 0.6, 0.8)
     """Its largest; experts of all tasks stay 0.1 m within the box [measured]."""
 
-    def __post_init__(self) -> None:
-        tools = tcp_poses(HOME_JOINTS)[:, :3]
+    def check(self, robot: Robot) -> None:
+        """Reject a box outside of which a tool is at home.
+
+        Raises:
+            OptionError: One is.
+        """
+        tools = robot.tcp_poses(robot.home)[:, :3]
         if not ((self.low < tools) & (tools < self.high)).all():
             x, y, z = tools[0]
             raise OptionError(
-                f"low and high of a workspace have both tools at home between them, x {x:.2f}, "
-                f"y {-y:.2f} and {y:.2f}, z {z:.2f}; got {list(self.low)} and {list(self.high)}."
+                "workspace: low and high of a workspace have both tools at home between them, "
+                f"x {x:.2f}, y {-y:.2f} and {y:.2f}, z {z:.2f}; "
+                f"got {list(self.low)} and {list(self.high)}."
             )
 
     def room(self, point: Array) -> float:

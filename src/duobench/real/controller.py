@@ -14,7 +14,7 @@ from duobench.real.clock import Clock, Ticker
 from duobench.real.devices import Arm, Gripper
 from duobench.real.follower import Follower
 from duobench.real.rig import FOLLOWER_HZ, ArmConfig
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import Robot
 
 
 class ReferenceStreamer:
@@ -86,13 +86,14 @@ class ArmsController:
         grippers: Mapping[Side, Gripper],
         configs: Mapping[Side, ArmConfig],
         clock: Clock,
+        robot: Robot,
     ) -> None:
         self.arms = arms
         self.grippers = grippers
         self._configs = configs
         self.streamers: dict[Side, ReferenceStreamer] = {}
         for side in SIDES:
-            follower = Follower(HOME_JOINTS[side.index], configs[side])
+            follower = Follower(robot.home[side.index], configs[side], robot)
             self.streamers[side] = ReferenceStreamer(arms[side], follower, clock)
         self.is_engaged = False
         """Whether the arms track what they are told."""

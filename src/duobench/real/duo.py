@@ -54,8 +54,8 @@ from duobench.real.way_home import path_home, points
 from duobench.results.labels import Fault, FaultKind
 from duobench.world.robot.camera_geometry import geometries, geometry, mount_pose
 from duobench.world.robot.cameras import CAMERAS, MUJOCO_FROM_OPENCV
-from duobench.world.robot.frames import tcp_poses
-from duobench.world.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits
+from duobench.world.robot.frames import Robot
+from duobench.world.robot.joints import RANGE_MARGIN, duo_limits
 
 if TYPE_CHECKING:
     from duobench.real.rehearsal import RehearsalWorld
@@ -91,6 +91,8 @@ class FrankaDuo:
         world: RehearsalWorld | None = None,
     ) -> None:
         self.rig = rig
+        self.robot: Robot = rig.robot
+        """Description of the arms."""
         self.clock = clock
         self.guard = guard
         self.arms = dict(arms)
@@ -101,7 +103,9 @@ class FrankaDuo:
         self.supervisor = Supervisor(self._recover)
         self.hands = GripperPair(self.grippers, self.supervisor, clock)
         """The grippers, as the operator has them activated and opened."""
-        self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
+        self._controller = ArmsController(
+            self.arms, self.grippers, rig.arms, clock, self.robot
+        )
         self._watchdog = Watchdog(
             self._controller, self.cameras, self.supervisor, clock, self.hold
         )
@@ -146,7 +150,7 @@ class FrankaDuo:
                 connected.append(device)
                 device.connect()
             self._measure()
-            if are_swapped(self.readings()):
+            if are_swapped(self.readings(), self.robot):
                 raise BackendError(SWAPPED)
         except BackendError:
             for device in connected:
@@ -278,7 +282,7 @@ class FrankaDuo:
             self._go(start, end)
         for gripper in self.grippers.values():
             gripper.command(1.0)
-        self._last = DuoCommand(joints=HOME_JOINTS.copy(), openings=np.ones(2))
+        self._last = DuoCommand(joints=self.robot.home.copy(), openings=np.ones(2))
         self._settle()
         self._controller.limit(is_home=False)
         if not self.supervisor.enter(State.READY, only_from=(State.HOMING,)):
@@ -289,7 +293,7 @@ class FrankaDuo:
         """The path that `home` takes from where the arms are; see `way_home.path_home`."""
         self._measure()
         retreats = self.hands.have_grasped and not self.hands.holding
-        return path_home(self.guard, self.read().joints, retreats=retreats)
+        return path_home(self.guard, self.read().joints, self.robot, retreats=retreats)
 
     def _rest(self) -> None:
         """Wait until arms that still move are at rest where they are."""
@@ -306,7 +310,9 @@ class FrankaDuo:
 
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""
-        for point in points(start, end, self._home_fractions, self._tool_speeds):
+        for point in points(
+            start, end, self._home_fractions, self._tool_speeds, self.robot
+        ):
             with self._motion:
                 if self.supervisor.state is not State.HOMING:
                     reason = self.held or "they were stopped"
@@ -324,7 +330,7 @@ class FrankaDuo:
             if reason is not None:
                 raise BackendError(f"The arms did not get home: {reason}")
             here = self._here()
-            off = float(np.max(np.abs(here.joints - HOME_JOINTS)))
+            off = float(np.max(np.abs(here.joints - self.robot.home)))
             is_open = here.openings.min() >= OPEN
             if off <= HOME_TOLERANCE and is_open and self._controller.is_at_rest:
                 return
@@ -385,7 +391,7 @@ class FrankaDuo:
         within = self._limits.clip(
             targets, last.flat, self.read().flat, self._velocities
         )
-        sent = paced(last, DuoCommand.from_flat(within), self._tool_speeds)
+        sent = paced(last, DuoCommand.from_flat(within), self._tool_speeds, self.robot)
         fault = self._guard_fault(last.joints, sent.joints)
         if fault is not None:
             self.hold(fault.text, fault)
@@ -501,12 +507,12 @@ class FrankaDuo:
     def camera_geometry(self, sizes: Sizes) -> dict[str, CameraGeometry]:
         """Lens of canonical images, and place of each camera as it was measured, or is built."""
         tools = self.read().tcp_poses
-        found = geometries(sizes, tools)
+        found = geometries(sizes, tools, self.robot.gripper)
         for name, each in found.items():
             measured = self.rig.cameras[name].calibration
             if measured is not None and measured.pose != UNPOSED:
                 pose = SE3.from_tquat(np.array(measured.pose))
-                mount = mount_pose(CAMERAS[name].arm, tools)
+                mount = mount_pose(CAMERAS[name].arm, tools, self.robot.gripper)
                 found[name] = geometry(each.matrix, mount @ pose @ MUJOCO_FROM_OPENCV)
         return found
 
@@ -516,7 +522,7 @@ class FrankaDuo:
         self._velocities = np.array([readings[side].velocities for side in SIDES])
         openings = np.array([grippers[side].opening for side in SIDES])
         self._state = DuoState(
-            joints=joints, openings=openings, tcp_poses=tcp_poses(joints)
+            joints=joints, openings=openings, tcp_poses=self.robot.tcp_poses(joints)
         )
         self.time = self.clock.now()
 

@@ -177,7 +177,17 @@ def make_real_env(
     """
     duo = rig if isinstance(rig, FrankaDuo) else open_rig(rig)
     definition = cast("Task", catalog.get(task))
-    config = EnvConfig.from_options({"cameras": tuple(duo.cameras), **options})
+    its_own = {
+        "cameras": tuple(duo.cameras),
+        "gripper": duo.rig.gripper,
+        "mount": duo.rig.mount,
+    }
+    config = EnvConfig.from_options(its_own | options)
+    if config.robot != duo.robot:
+        raise OptionError(
+            f"The rig has gripper={duo.rig.gripper!r} and mount={duo.rig.mount!r}; got "
+            f"{config.gripper!r} and {config.mount!r}."
+        )
     if (
         config.object_state
         or config.render_mode is not None

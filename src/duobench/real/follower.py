@@ -18,7 +18,7 @@ from duobench.core.types import (
     DuoCommand,
 )
 from duobench.real.rig import ArmConfig
-from duobench.world.robot.frames import tool_jacobians
+from duobench.world.robot.frames import Robot
 from duobench.world.robot.joints import JOINT_RANGES, RANGE_MARGIN, speed_limits
 
 PERIOD = 1.0 / CONTROL_HZ
@@ -42,7 +42,8 @@ class Follower:
     It begins at rest at the measured joints (7,) in radians.
     """
 
-    def __init__(self, joints: Array, limits: ArmConfig) -> None:
+    def __init__(self, joints: Array, limits: ArmConfig, robot: Robot) -> None:
+        self._robot = robot
         self.speed_fraction = limits.speed_fraction
         """Part of the joints' speed limits, which depend on where they are, that the reference may
         move with. It may change at any time: one that is faster slows down as the acceleration
@@ -58,7 +59,7 @@ class Follower:
         self.velocity = np.zeros(ARM_JOINTS)
         """Speed of the reference (7,) in rad/s."""
         self._begin = self._end = start
-        self._near, self._jacobian = start, tool_jacobians(start)
+        self._near, self._jacobian = start, self._robot.tool_jacobians(start)
         self._elapsed = PERIOD
         self._is_held = False
 
@@ -100,7 +101,8 @@ class Follower:
     def _next_velocity(self, allowed: Array, dt: float) -> Array:
         """The velocity next to one that positions allow, with which the tool is not too fast."""
         if np.abs(self.reference - self._near).max() > NEAR:
-            self._near, self._jacobian = self.reference, tool_jacobians(self.reference)
+            self._near = self.reference
+            self._jacobian = self._robot.tool_jacobians(self.reference)
         most, change = self._tool_speed, self._acceleration * dt
         least, largest = self.velocity - change, self.velocity + change
         allowed = allowed * tool_share(self._jacobian, allowed, most)
@@ -166,6 +168,7 @@ def paced(
     last: DuoCommand,
     sent: DuoCommand,
     speeds: Sequence[float],
+    robot: Robot,
 ) -> DuoCommand:
     """A command on the way from one to the next, to which no tool is faster than its speed in m/s.
 
@@ -173,7 +176,7 @@ def paced(
     """
     way = sent.joints - last.joints
     most = [speed * PERIOD for speed in speeds]
-    share = min(map(tool_share, tool_jacobians(last.joints), way, most))
+    share = min(map(tool_share, robot.tool_jacobians(last.joints), way, most))
     if share == 1.0:
         return sent
     return DuoCommand(joints=last.joints + share * way, openings=sent.openings)

@@ -25,7 +25,7 @@ from duobench.core.spatial import SE3
 from duobench.core.types import SIDES, Array, Side
 from duobench.real.cell import Obstacle, Workspace
 from duobench.real.follower import HIGHEST, LOWEST
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.frames import Robot
 from duobench.world.scene.naming import gripper_name, tcp_name
 
 if TYPE_CHECKING:
@@ -86,10 +86,12 @@ class Guard:
 
     def __init__(
         self,
+        robot: Robot,
         workspace: Workspace | None = None,
         obstacles: Mapping[str, Obstacle] | None = None,
     ) -> None:
         self._lock = threading.RLock()
+        self._robot = robot
         self._workspace, self._obstacles = workspace, obstacles or {}
         self._fixed: tuple[Prop, ...] = ()
         self._poses: Mapping[str, SE3] = {}
@@ -198,7 +200,7 @@ class Guard:
             boxes = [
                 _prop_of(name, obstacle) for name, obstacle in self._obstacles.items()
             ]
-            sim = self._sim = Simulation([*self._fixed, *boxes])
+            sim = self._sim = Simulation([*self._fixed, *boxes], robot=self._robot)
             self._place(sim)
             self._describe(sim)
         sim.data.qpos[sim.duo.joints] = joints
@@ -218,7 +220,7 @@ class Guard:
         solid = np.flatnonzero(
             (model.geom_contype != 0) | (model.geom_conaffinity != 0)
         )
-        parts = {int(geom): _part_of(model, int(geom)) for geom in solid}
+        parts = {int(geom): _part_of(model, int(geom), self._robot) for geom in solid}
         parts = {geom: part for geom, part in parts.items() if not part.is_hinged}
         self._tools = {side: model.site(tcp_name(side)).id for side in SIDES}
         self._words = {geom: part.words for geom, part in parts.items()}
@@ -269,7 +271,7 @@ def _prop_of(name: str, obstacle: Obstacle) -> Prop:
     )
 
 
-def _part_of(model: MjModel, geom: int) -> _BodyPart:
+def _part_of(model: MjModel, geom: int, robot: Robot) -> _BodyPart:
     number = model.geom_bodyid[geom]
     body, name = model.body(number).name, model.geom(geom).name
     root = model.body_rootid[number]
@@ -286,7 +288,8 @@ def _part_of(model: MjModel, geom: int) -> _BodyPart:
             continue
         gripper = f"{gripper_name(side)}/"
         if body.startswith(gripper):
-            is_finger = GRIPPER.finger_of(body.removeprefix(gripper)) is not None
+            part = body.removeprefix(gripper)
+            is_finger = robot.gripper.finger_of(part) is not None
             words = (
                 f"a finger of the {side} gripper"
                 if is_finger

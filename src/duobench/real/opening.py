@@ -20,6 +20,8 @@ from duobench.real.rig import (
     Rig,
 )
 from duobench.world.robot.cameras import CAMERAS, D405
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 REHEARSAL_SIZE = (180, 320)
 """Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
@@ -31,7 +33,7 @@ REHEARSAL_MOMENT = 12.0
 """Moment in N·m at its tool at which it stops: a pot at the end of an arm turns the wrist."""
 
 
-def rehearsal_rig() -> Rig:
+def rehearsal_rig(gripper: str = DEFAULT_GRIPPER, mount: str = DEFAULT_MOUNT) -> Rig:
     """A rig without hardware whose arms and grippers act on our own simulation of a task.
 
     Mounts are named by address and port, so that arms can be swapped as cables can.
@@ -60,6 +62,8 @@ def rehearsal_rig() -> Rig:
         arms=arms,
         grippers={side: GripperConfig(driver=REHEARSAL, port=side) for side in SIDES},
         cameras=cameras,
+        gripper=gripper,
+        mount=mount,
     )
 
 
@@ -85,7 +89,9 @@ def open_rig(
     rig.check_computed()
     is_rehearsal = REHEARSAL in rig.drivers
     clock = clock or (PacedClock() if is_rehearsal else SystemClock())
-    rehearsal = load_driver("arms", REHEARSAL)(clock) if is_rehearsal else None
+    rehearsal = (
+        load_driver("arms", REHEARSAL)(clock, rig.robot) if is_rehearsal else None
+    )
     made: dict[str, dict[str, Any]] = {"arms": {}, "grippers": {}, "cameras": {}}
     for part, name, config in rig.devices():
         if config.driver == REHEARSAL and rehearsal is not None:
@@ -98,7 +104,7 @@ def open_rig(
         arms={side: made["arms"][side] for side in SIDES},
         grippers={side: made["grippers"][side] for side in SIDES},
         cameras=made["cameras"],
-        guard=Guard(rig.workspace, rig.obstacles) if guard else None,
+        guard=Guard(rig.robot, rig.workspace, rig.obstacles) if guard else None,
         world=None if rehearsal is None else rehearsal.world,
     )
 

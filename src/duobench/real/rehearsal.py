@@ -9,6 +9,7 @@ out what is too much.
 import math
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,12 +23,12 @@ from duobench.core.types import (
     Array,
     Side,
 )
+from duobench.real.catalog import load_driver
 from duobench.real.clock import Clock, Ticker
-from duobench.real.registers import GripperRegisters
 from duobench.real.rig import ArmConfig
 from duobench.results.labels import Fault, FaultKind
 from duobench.tasks.task import Task
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.frames import Robot
 from duobench.world.scene.compose import SUBSTEPS
 from duobench.world.scene.naming import (
     arm_joint_names,
@@ -55,13 +56,18 @@ HAND_RAD = math.radians(1.5)
 """Standard deviation of how it is turned, in radians (estimated)."""
 PLACING_S = 0.5
 """Seconds that objects have to come to rest, and cameras to see them."""
-STILL = 0.05
-"""Speed in rad/s of a joint of the fingers under which they rest."""
+STILL = 0.06
+"""Speed of the fingers, in their whole ways a second, under which they rest."""
 _TRIES = 20
 _DAMPED = 1e-6 * np.eye(6)
 _CONTACT = mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS.value
 """First kind of constraint that is a contact."""
 RELEASE = "The emergency stop is pressed. Release it, then recover the arms."
+
+
+def gripper_driver(robot: Robot) -> Any:
+    """Driver of a robot's grippers, which has an imitation of one for rehearsals."""
+    return load_driver("grippers", robot.gripper.driver)
 
 
 class MountedArm:
@@ -104,13 +110,16 @@ class RehearsalWorld:
     Its methods may be called from any thread. Objects lie on the table once `place` has put them.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, robot: Robot) -> None:
         self.clock = clock
+        self.robot = robot
+        """Description of the arms."""
         self.lock = threading.RLock()
         """Lock for reading `simulation` while the world runs."""
         self.arms = {side: MountedArm() for side in SIDES}
-        self.grippers = {side: GripperRegisters() for side in SIDES}
-        """Registers of the grippers by mount; a test cuts their power here."""
+        imitation = gripper_driver(robot).imitation
+        self.grippers: dict[Side, Any] = {side: imitation() for side in SIDES}
+        """Imitated grippers by mount; a test cuts their power here."""
         self.is_stopped = False
         """Whether a person has pressed the emergency stop of both arms."""
         self.look_again: Callable[[], None] = lambda: None
@@ -121,7 +130,7 @@ class RehearsalWorld:
         self._time, self._steps = 0.0, 0
         self._has_failed = False
         self._sides = [arm_joint_names(side) for side in SIDES]
-        self._install(Simulation())
+        self._install(Simulation(robot=robot))
         model = self.simulation.model
         self._own = (
             model.nq,
@@ -185,7 +194,7 @@ class RehearsalWorld:
             before = self.simulation
             state, variants = before.get_state(), before.variants
             if set(before.props) != {prop.name for prop in task.props}:
-                self._install(Simulation(task.props))
+                self._install(Simulation(task.props, robot=self.robot))
             objection: str | None = None
             for by_hand in self._attempts(layout):
                 self._put(by_hand, before.data)
@@ -263,7 +272,10 @@ class RehearsalWorld:
             [[model.actuator(name).id for name in row] for row in self._sides]
         )
         self._hands = [model.actuator(gripper_name(side)).id for side in SIDES]
-        drives = [[model.joint(name) for name in drive_names(s)] for s in SIDES]
+        gripper = self.robot.gripper
+        drives = [
+            [model.joint(name) for name in drive_names(s, gripper)] for s in SIDES
+        ]
         self._drives = [[int(joint.qposadr[0]) for joint in row] for row in drives]
         self._drive_dofs = [[int(joint.dofadr[0]) for joint in row] for row in drives]
         self._tools = [model.site(tcp_name(side)).id for side in SIDES]
@@ -350,19 +362,22 @@ class RehearsalWorld:
         arm.torques = data.qfrc_actuator[dofs] + data.qfrc_gravcomp[dofs]
 
     def _move_hand(self, side: Side) -> None:
-        """Lead the fingers of a gripper to where its registers say, and tell them how far it is."""
+        """Lead the fingers of a gripper to where it says, and tell them how far it is."""
         gripper = self.grippers[side]
         data = self._data
         index = side.index
         low, high = gripper.ends
         angles = data.qpos[self._drives[index]].tolist()
-        share = sum(angles) / (len(angles) * GRIPPER.drive_closed)
+        kind = self.robot.gripper
+        share = sum(angles) / (len(angles) * kind.drive_closed)
         gripper.move(low + min(max(share, 0.0), 1.0) * (high - low), self._time)
         hand = self._hands[index]
         target = gripper.target
         if target is not None:
-            data.ctrl[hand] = GRIPPER.ctrl_closed * (target - low) / (high - low)
-        elif np.abs(data.qvel[self._drive_dofs[index]]).max() > STILL:
+            data.ctrl[hand] = kind.ctrl_closed * (target - low) / (high - low)
+        elif (
+            np.abs(data.qvel[self._drive_dofs[index]]).max() > STILL * kind.drive_closed
+        ):
             data.ctrl[hand] = (
-                GRIPPER.ctrl_closed * share
+                kind.ctrl_closed * share
             )  # stop; a grip that rests is kept

@@ -36,7 +36,9 @@ from duobench.real.catalog import (
 from duobench.real.cell import LONGEST, Obstacle, Workspace
 from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
 from duobench.world.robot.fr3_links import LINKS
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.frames import Robot, robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER, Gripper
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 RIG_SCHEMA = 2
 """Version of the file; raised when a field changes its meaning."""
@@ -174,16 +176,14 @@ class GripperConfig:
                 f"positions count from open; got {self.closed_count} and {self.open_count}."
             )
 
-    @property
-    def mm_per_s(self) -> float:
-        """Speed of its fingers in mm/s."""
-        slowest, fastest = GRIPPER.speeds
+    def mm_per_s(self, gripper: Gripper) -> float:
+        """Speed in mm/s with which the gap of a gripper changes."""
+        slowest, fastest = gripper.speeds
         return _share(self.speed, (1000.0 * slowest, 1000.0 * fastest))
 
-    @property
-    def newtons(self) -> float:
-        """Force of its fingers in N."""
-        return _share(self.force, GRIPPER.forces)
+    def newtons(self, gripper: Gripper) -> float:
+        """Force in N of the fingers of a gripper."""
+        return _share(self.force, gripper.forces)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -291,6 +291,10 @@ class Rig:
     """Box that both tools stay in; None lets them go as far as the arms reach."""
     obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
     """Obstacles that the guard keeps the arms away from, by name."""
+    gripper: str = DEFAULT_GRIPPER
+    """Gripper on both arms, one of `GRIPPERS`, or the path "module:ATTRIBUTE" of one's own."""
+    mount: str = DEFAULT_MOUNT
+    """Mounting of the arms, one of `MOUNTS`."""
     schema: int = RIG_SCHEMA
 
     def __post_init__(self) -> None:
@@ -311,8 +315,27 @@ class Rig:
             check_driver(part, device.driver, f"{part}.{name}.driver")
             if isinstance(device, CameraConfig) and device.depth:
                 check_depth(device.driver, f"{part}.{name}")
+        if self.workspace is not None:
+            self.workspace.check(self.robot)
+        self._check_grippers()
         self._check_places()
         self.check_computed(own=False)
+
+    @property
+    def robot(self) -> Robot:
+        """Description of the arms."""
+        return robot_with(self.gripper, self.mount)
+
+    def _check_grippers(self) -> None:
+        """Reject a driver of another gripper than the rig has."""
+        word = self.robot.gripper.word
+        for side, config in self.grippers.items():
+            row = DRIVERS["grippers"].get(config.driver)
+            if row is not None and not row.is_computed and config.driver != word:
+                raise OptionError(
+                    f"grippers.{side}.driver is {word} where gripper is {self.gripper}, got "
+                    f"{config.driver!r}."
+                )
 
     def devices(
         self,
@@ -336,6 +359,13 @@ class Rig:
                 raise OptionError(
                     f"{where}.{key} says where it is, without spaces; got {place!r}."
                 )
+            if driver is not None and driver.is_on_arm:
+                address = self.arms[Side(name)].address
+                if place != address:
+                    raise OptionError(
+                        f"{where}.{key} is the address of its arm, {address!r}, got {place!r}."
+                    )
+                continue
             if device.driver == FRANKY and not is_host(place):
                 raise OptionError(
                     f"{where}.{key} is a host name or four numbers, such as 172.16.0.2; got "
@@ -440,10 +470,12 @@ class Rig:
         return hashlib.sha256(self._json()).hexdigest()
 
     def _json(self) -> bytes:
-        return (
-            msgspec.json.format(msgspec.json.encode(self, order="deterministic"))
-            + b"\n"
-        )
+        document = msgspec.to_builtins(self, order="deterministic")
+        # Files and hashes of rigs that have the usual ones stay what they were.
+        for name, usual in (("gripper", DEFAULT_GRIPPER), ("mount", DEFAULT_MOUNT)):
+            if document[name] == usual:
+                del document[name]
+        return msgspec.json.format(msgspec.json.encode(document)) + b"\n"
 
 
 def _check_positive(

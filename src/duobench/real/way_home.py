@@ -7,11 +7,11 @@ import numpy as np
 from duobench.core.types import SIDES, Array, Side
 from duobench.real.follower import HIGHEST, LOWEST, PERIOD
 from duobench.real.guard import Guard
-from duobench.world.robot.frames import tool_frames, tool_jacobians
-from duobench.world.robot.joints import HOME_JOINTS, speed_limits
+from duobench.world.robot.frames import Robot
+from duobench.world.robot.joints import speed_limits
 
 RETREAT = 0.05
-"""Distance in metres that hands go back before the way home: the fingers of a 2F-85 are shorter."""
+"""Distance in metres that hands go back before the way home: fingers are shorter."""
 STEP = 0.01
 """Part of that way in metres which is taken to be straight in joint space."""
 HOME_SHARE = 0.8
@@ -24,6 +24,7 @@ _EPSILON, _DAMPING = 1e-6, 1e-3
 def path_home(
     guard: Guard | None,
     here: Array,
+    robot: Robot,
     *,
     retreats: bool,
 ) -> list[Array]:
@@ -36,17 +37,19 @@ def path_home(
     """
     back: list[Array] = []
     if retreats:
-        away = retreated(here)
+        away = retreated(here, robot)
         if guard is None or guard.is_free(here, [away]):
             here, back = away, [away]
-    return [
-        *back,
-        *([HOME_JOINTS] if guard is None else guard.plan_path(here, HOME_JOINTS)),
-    ]
+    home = robot.home
+    return [*back, *([home] if guard is None else guard.plan_path(here, home))]
 
 
 def points(
-    start: Array, end: Array, fractions: Array, tool_speeds: Sequence[float]
+    start: Array,
+    end: Array,
+    fractions: Array,
+    tool_speeds: Sequence[float],
+    robot: Robot,
 ) -> Iterator[Array]:
     """Points (2, 7) on a straight line in joint space, one a control period, `end` the last.
 
@@ -60,7 +63,7 @@ def points(
             np.array, zip(*map(speed_limits, start + share * way), strict=True)
         )
         speeds = np.maximum(HOME_SHARE * fractions * np.minimum(-low, high), SLOWEST)
-        tools = tool_jacobians(start + share * way) @ way[..., None]
+        tools = robot.tool_jacobians(start + share * way) @ way[..., None]
         most = HOME_SHARE * np.array(tool_speeds)
         seconds = max(
             np.max(np.abs(way) / speeds), np.max(np.linalg.norm(tools, axis=1).T / most)
@@ -69,7 +72,7 @@ def points(
         yield start + share * way
 
 
-def retreated(joints: Array) -> Array:
+def retreated(joints: Array, robot: Robot) -> Array:
     """Joint positions (2, 7) in radians with both tools further back along their own axes.
 
     Orientations stay. It goes `RETREAT` far, as far as the joints' ranges let it.
@@ -78,14 +81,14 @@ def retreated(joints: Array) -> Array:
     for side in SIDES:
         row = joints[side.index]
         for _ in range(round(RETREAT / STEP)):
-            row = np.clip(row + _change(side, row), LOWEST, HIGHEST)
+            row = np.clip(row + _change(side, row, robot), LOWEST, HIGHEST)
         rows.append(row)
     return np.array(rows)
 
 
-def _change(side: Side, row: Array) -> Array:
+def _change(side: Side, row: Array, robot: Robot) -> Array:
     """Change of the joints (7,) that takes a tool one step back, by damped least squares."""
-    positions, rotations = tool_frames(
+    positions, rotations = robot.tool_frames(
         side, np.vstack([row, row + _EPSILON * np.eye(7)])
     )
     moves = (positions[1:] - positions[0]) / _EPSILON

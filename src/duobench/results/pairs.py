@@ -32,6 +32,8 @@ _CONDITIONS = (
     "instructions",
     "split",
     "speed_fraction",
+    "gripper",
+    "mount",
 )
 """Parts of a configuration that are not the policy's choice."""
 

@@ -58,6 +58,8 @@ class Condition:
     shift: Shift
     look: str
     """Name of the look; "custom" for one that has none."""
+    robot: str = ""
+    """Gripper and mount that are not the paper's; empty where both are."""
 
     @classmethod
     def of(
@@ -73,14 +75,16 @@ class Condition:
             domain=domain,
             shift=config.shift,
             look=look,
+            robot=config.other_robot,
         )
 
     @property
     def name(self) -> str:
         """Readable name of a folder, another one for every condition."""
-        return ".".join(
-            map(_slug, (self.policy, self.domain, self.shift.name, self.look))
-        )
+        parts = [self.policy, self.domain, self.shift.name, self.look]
+        if self.robot:
+            parts.append(self.robot)
+        return ".".join(map(_slug, parts))
 
 
 def _slug(text: str) -> str:

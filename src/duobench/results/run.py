@@ -397,6 +397,8 @@ class Run:
             "suite version": suite.version,
             "suite": suite.label,
             "look": suite.look,
+            "gripper": suite.gripper,
+            "mount": suite.mount,
             "actions executed of a chunk": suite.execution.execute or "all",
             "latency": suite.execution.latency,
             **_fields("time limit", self.limits),

@@ -31,6 +31,9 @@ from duobench.tasks.shifts.shift import (
 )
 from duobench.world.looks import catalog as looks
 from duobench.world.robot.cameras import Camera
+from duobench.world.robot.frames import robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 CUSTOM = "custom"
 """Name of a suite with options of the user's own."""
@@ -110,6 +113,10 @@ class Suite:
     first_episode: int = 0
     look: str = looks.DEFAULT
     """Name of the look of all episodes; see `duobench.world.looks.catalog.look`."""
+    gripper: str = DEFAULT_GRIPPER
+    """Gripper on the arms, as `EnvConfig` has it."""
+    mount: str = DEFAULT_MOUNT
+    """Mounting of the arms, as `EnvConfig` has it."""
     version: str = SUITE_VERSION
     name: str = CUSTOM
     """Name of the suite that it is, or that it was made from; see `SUITES`."""
@@ -132,6 +139,7 @@ class Suite:
         if not self.tasks:
             raise EvaluationError("A suite has at least one task, got none.")
         looks.look(self.look)
+        robot_with(self.gripper, self.mount)
         if not self.shifts:
             raise EvaluationError(
                 "A suite is played under at least one shift, or none."
@@ -253,6 +261,10 @@ class SuiteChoice:
     look: str = looks.DEFAULT
     """Look of the images that the policy sees: wood_table, dark, random:7, ... (see the page
     looks)."""
+    gripper: str = DEFAULT_GRIPPER
+    """Gripper on both arms, such as franka_hand, or module:ATTRIBUTE."""
+    mount: str = DEFAULT_MOUNT
+    """How the arms are mounted: duo, or wide, which is 200 mm further apart."""
     shift: str = NO_SHIFT.name
     """Play under one shift, such as look-3; see the page robustness."""
     axes: tuple[str, ...] = ()
@@ -279,6 +291,8 @@ class SuiteChoice:
             episodes=named.episodes if self.episodes is None else self.episodes,
             first_episode=self.first_episode,
             look=self.look,
+            gripper=self.gripper,
+            mount=self.mount,
             shifts=self._shifts(named.shifts),
             name=named.name,
             revision=named.revision,
@@ -342,6 +356,8 @@ def deviations(suite: Suite, config: EnvConfig = _USUAL) -> list[str]:
         != named.episodes,
         f"episodes from number {suite.first_episode}": suite.first_episode != 0,
         f"look {suite.look}": suite.look != looks.DEFAULT,
+        f"gripper {suite.gripper}": suite.gripper != DEFAULT_GRIPPER,
+        f"mount {suite.mount}": suite.mount != DEFAULT_MOUNT,
         f"{suite.execution.execute or 'all'} actions executed of a chunk instead of "
         f"{named.execution.execute}": suite.execution.execute
         != named.execution.execute,

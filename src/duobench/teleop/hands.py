@@ -24,6 +24,7 @@ from duobench.teleop.messages import (
 )
 from duobench.teleop.shaping import Shaper
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.frames import ROBOT, Robot
 
 MAX_AGE_S = 0.250
 """Samples that were delayed by more than this, in seconds, are dropped; and a hand of which nothing
@@ -187,10 +188,10 @@ class TriggeredGripper:
 class LedArm:
     """One hand and the arm that it leads."""
 
-    def __init__(self, side: Side) -> None:
+    def __init__(self, side: Side, robot: Robot) -> None:
         self.clutch = Clutch()
         self.gripper = TriggeredGripper()
-        self._shaper = Shaper(side)
+        self._shaper = Shaper(side, robot)
         self._rest: SE3 | None = None
 
     def begin(self, opening: float) -> None:
@@ -240,10 +241,10 @@ class HandDevice:
 
     action_mode = CARTESIAN.name
 
-    def __init__(self, *, lockstep: bool = False) -> None:
+    def __init__(self, *, lockstep: bool = False, robot: Robot = ROBOT) -> None:
         self._lockstep = lockstep
-        self._kinematics = Kinematics()
-        self._arms = {side: LedArm(side) for side in SIDES}
+        self._kinematics = Kinematics(robot)
+        self._arms = {side: LedArm(side, robot) for side in SIDES}
         self._freshness = Freshness()
         self._dropped = 0
         self._hands: Hands | None = None

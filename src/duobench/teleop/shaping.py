@@ -14,6 +14,7 @@ from duobench.core.spatial import (
 )
 from duobench.core.types import CONTROL_HZ, Array, Side
 from duobench.world.kinematics.inverse import within_reach
+from duobench.world.robot.frames import Robot
 
 MIN_CUTOFF_HZ = 1.5
 """Cutoff of the filter for a hand at rest: 1 mm of tracking noise becomes a fifth of it."""
@@ -82,8 +83,8 @@ class Shaped:
 class Shaper:
     """Shapes where a hand leads one tool."""
 
-    def __init__(self, side: Side) -> None:
-        self._side = side
+    def __init__(self, side: Side, robot: Robot) -> None:
+        self._side, self._robot = side, robot
         self._filter = OneEuro()
 
     def reset(self) -> None:
@@ -95,7 +96,7 @@ class Shaper:
         smooth = self._filter(wanted)
         near = within(measured.translation, smooth.translation, LEASH)
         inside = SE3(smooth.rotation, np.clip(near, *BOX))
-        pose = within_reach(self._side, inside, REACH)
+        pose = within_reach(self._robot, self._side, inside, REACH)
         is_limited = length(pose.translation - smooth.translation) > 0.0
         return Shaped(pose=pose, is_limited=is_limited)
 

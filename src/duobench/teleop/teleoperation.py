@@ -66,6 +66,7 @@ from duobench.teleop.session_episodes import SessionEpisodes
 from duobench.web.messages import SelectItem
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 TIME_LIMIT_S = 600.0
 """Seconds that an episode may be led: over twenty times the horizon of every task. Thinking is not
@@ -819,6 +820,7 @@ def make_recorder(
     metadata: PolicyMetadata | None = None,
     time_limit_s: float = TIME_LIMIT_S,
     look: str | Look = DEFAULT,
+    gripper: str = DEFAULT_GRIPPER,
 ) -> Recorder:
     """An environment on layouts of the split `train`, recorded with clutches and reviewed.
 
@@ -832,6 +834,7 @@ def make_recorder(
         metadata: Expectations of the policy that plays.
         time_limit_s: Seconds that an episode may be led before it is truncated; see `horizon_of`.
         look: How images of the episodes look, unless they are rendered with another one.
+        gripper: Gripper on the arms; see `EnvConfig`.
 
     Raises:
         UnknownNameError: There is no such task, action mode or look.
@@ -847,6 +850,7 @@ def make_recorder(
         split=TRAIN,
         horizon=horizon_of(time_limit_s),
         look=look,
+        gripper=gripper,
     )
     return Recorder(
         env,

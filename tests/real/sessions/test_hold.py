@@ -21,7 +21,7 @@ from duobench.real.sessions.session import (
 )
 from duobench.real.sessions.trials_folder import LogKind
 from duobench.real.supervisor import State
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.quick_first import quick_first
 from tests.real.rigs import once_while_homing, put
 from tests.real.sessions.operator import Operator, Stand, only_record, played, run

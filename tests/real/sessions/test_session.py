@@ -25,7 +25,7 @@ from duobench.real.sessions.trials_folder import (
 from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.labels import REACTION_S, FaultKind
 from duobench.results.records import InvalidTrial
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.quick_first import quick_first
 from tests.real.rigs import once_while_homing, put
 from tests.real.sessions import toys

@@ -27,7 +27,7 @@ from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.rigs import joints, new_rig, put, quick_rig
 from tests.real.sessions import rehearsed
 from tests.real.sessions.operator import Operator, Stand, operated, records

@@ -16,7 +16,7 @@ from pathlib import Path
 import mujoco
 
 from duobench.core.types import SIDES, Side
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.scene import arms as scene_arms
 
 PYTHON = os.environ.get("DUOBENCH_FRANKA_SIM_PYTHON", ".venv-franka-sim/bin/python")

@@ -22,7 +22,7 @@ from duobench.real import watchdog
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env
 from duobench.real.opening import open_rig
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.programs import say
 from tests.real.rigs import camera, gripper
 from tests.real.with_libraries.arms import become_realtime

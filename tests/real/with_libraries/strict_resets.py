@@ -21,7 +21,8 @@ from duobench.real.env import make_real_env
 from duobench.real.follower import MAX_STEP_S, Follower
 from duobench.real.opening import open_rig
 from duobench.real.rig import MAX_ACCELERATION, MAX_SPEED_FRACTION
-from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.robot.joints import VELOCITY_LIMITS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.programs import say
 from tests.real.with_libraries.arms import become_realtime
 from tests.real.with_libraries.leading import franky_rig, recover

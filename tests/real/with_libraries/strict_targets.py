@@ -23,7 +23,8 @@ from duobench.envs.duo_env import DuoWrapper
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env
 from duobench.real.opening import open_rig
-from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.robot.joints import VELOCITY_LIMITS
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.programs import say
 from tests.real.with_libraries.arms import become_realtime
 from tests.real.with_libraries.leading import franky_rig, recover

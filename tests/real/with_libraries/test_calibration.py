@@ -24,7 +24,8 @@ from duobench.real.calibration.places import (
 from duobench.real.canonical import distorted, nominal_pose
 from duobench.real.rig import CameraCalibration
 from duobench.world.robot.cameras import HEAD
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.real.lenses import D405, ZED
 from tests.real.with_libraries.board_views import view
 
@@ -63,13 +64,13 @@ def wrist_views(side: Side, count: int = 20, spread: float = 0.4) -> tuple[Board
     """Poses around one above a board, as a person would choose them."""
     random = np.random.default_rng(5)
     home = np.array(HOME_JOINTS[side.index])
-    table_from_camera = flange_pose(side, home) @ HAND
+    table_from_camera = flange_pose(ROBOT, side, home) @ HAND
     there = table_from_camera.translation + 0.42 * table_from_camera.rotation[:, 2]
     table_from_board = SE3.at(*there, yaw=0.3) @ SE3.at(*(-BOARD.middle))
     views: list[BoardView] = []
     while len(views) < count:
         joints = home + random.uniform(-spread, spread, 7)
-        pose = (flange_pose(side, joints) @ HAND).inverse() @ table_from_board
+        pose = (flange_pose(ROBOT, side, joints) @ HAND).inverse() @ table_from_board
         if is_seen(pose, D405):
             views.append(BoardView(image=view(BOARD, pose, D405, random), joints=joints))
     return tuple(views)
@@ -135,7 +136,7 @@ def test_a_board_that_lies_otherwise_is_noticed() -> None:
 
 @pytest.mark.parametrize("side", [Side.LEFT, Side.RIGHT])
 def test_a_wrist_camera_is_found(side: Side) -> None:
-    measured = calibrate_wrist(wrist_views(side), side, BOARD, D405)
+    measured = calibrate_wrist(wrist_views(side), side, BOARD, D405, ROBOT)
     check_pose(measured.calibration, HAND, 0.0005, 0.1)
     assert measured.error_mm is not None
     assert measured.error_mm < 1.0
@@ -147,7 +148,7 @@ def test_a_wrist_camera_is_found(side: Side) -> None:
 def test_a_wrong_scale_is_found_by_the_motion_of_the_arm(scale: float) -> None:
     said = BOARD.measured(200.0 * scale)
     with pytest.raises(CalibrationError, match=r"larger than by its ruler"):
-        calibrate_wrist(wrist_views(Side.LEFT), Side.LEFT, said, D405)
+        calibrate_wrist(wrist_views(Side.LEFT), Side.LEFT, said, D405, ROBOT)
 
 
 def test_a_print_of_another_size_is_right_once_it_was_measured() -> None:
@@ -166,7 +167,7 @@ def test_a_board_that_was_pushed_is_noticed() -> None:
     random = np.random.default_rng(8)
     for number in range(12, 20):
         joints = views[number].joints
-        table_from_camera = flange_pose(Side.LEFT, joints) @ HAND
+        table_from_camera = flange_pose(ROBOT, Side.LEFT, joints) @ HAND
         found = Detector(BOARD).find(views[number].image)
         assert found is not None
         pose = board_pose(found, D405)
@@ -174,7 +175,7 @@ def test_a_board_that_was_pushed_is_noticed() -> None:
         image = view(BOARD, table_from_camera.inverse() @ pushed, D405, random)
         views[number] = replace(views[number], image=image)
     with pytest.raises(CalibrationError):
-        calibrate_wrist(views, Side.LEFT, BOARD, D405)
+        calibrate_wrist(views, Side.LEFT, BOARD, D405, ROBOT)
 
 
 def test_poses_that_are_too_few_or_too_alike_are_refused() -> None:
@@ -184,4 +185,4 @@ def test_poses_that_are_too_few_or_too_alike_are_refused() -> None:
     bad = [([replace(first, joints=joints), *rest], "7 joints in radians") for joints in wrong]
     for given, words in [(views[:8], "12 are needed"), (alike, "too much alike"), *bad]:
         with pytest.raises(CalibrationError, match=words):
-            calibrate_wrist(given, Side.LEFT, BOARD, D405)
+            calibrate_wrist(given, Side.LEFT, BOARD, D405, ROBOT)

@@ -31,8 +31,8 @@ from duobench.tasks.stages.predicates import (
     upright,
     variant,
 )
+from duobench.world.robot.frames import ROBOT
 from duobench.world.scene.naming import TABLE, tcp_name
-from duobench.world.sim.duo import HOME
 from duobench.world.sim.simulation import Simulation
 from tests.world.sim.props import EDGE, LID, scene
 
@@ -42,7 +42,7 @@ REST = {
     "bowl": SE3.at(0.7, 0.3),
     "chest": SE3.at(0.7, -0.3),
 }
-CLOSED_LEFT = DuoCommand(joints=HOME.joints, openings=np.array([0.0, 1.0]))
+CLOSED_LEFT = DuoCommand(joints=ROBOT.home_command.joints, openings=np.array([0.0, 1.0]))
 
 
 @pytest.fixture(scope="module")

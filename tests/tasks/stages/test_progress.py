@@ -22,8 +22,8 @@ from duobench.tasks.stages.predicates import (
     variant,
 )
 from duobench.tasks.stages.progress import LOST_SECONDS, Progress, Stage, check_names
+from duobench.world.robot.frames import ROBOT
 from duobench.world.scene.naming import TABLE
-from duobench.world.sim.duo import HOME
 from duobench.world.sim.simulation import Simulation
 from tests.tasks.stages.bench import Bench
 
@@ -339,7 +339,7 @@ def test_variants_are_those_of_the_layout(bench: Bench) -> None:
 def test_judging_changes_nothing_in_the_simulation(sim: Simulation) -> None:
     progress = Progress((Stage(name="up", instruction="up", holds=raised("cube", 0.03)),))
     progress.reset(sim, {})
-    sim.step(HOME)
+    sim.step(ROBOT.home_command)
     before = sim.get_state().tobytes()
     progress.update(sim)
     assert sim.get_state().tobytes() == before

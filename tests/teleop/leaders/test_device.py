@@ -17,7 +17,7 @@ from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.teleop.messages import Keep
 from duobench.teleop.teleoperation import Teleoperation, TeleopState, make_recorder
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.mounts import HOME_JOINTS
 
 HOME = DuoCommand(joints=np.array(HOME_JOINTS), openings=np.ones(2)).flat
 

@@ -17,7 +17,8 @@ from duobench.teleop.leaders.gello import (
     GelloSource,
     joints_of,
 )
-from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES
+from duobench.world.robot.joints import JOINT_RANGES
+from duobench.world.robot.mounts import HOME_JOINTS
 from tests.teleop.leaders.servos import Servos
 from tests.web.pages import wait_until
 

@@ -21,8 +21,9 @@ from duobench.world.kinematics.inverse import (
     Kinematics,
     within_reach,
 )
-from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
-from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
+from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.scene.arms import kinematic_model
 from duobench.world.scene.naming import tcp_name
 
@@ -31,7 +32,7 @@ DT = 1 / 30
 
 @pytest.fixture(scope="module")
 def kinematics() -> Kinematics:
-    return Kinematics()
+    return Kinematics(ROBOT)
 
 
 def down(x: float, y: float, z: float, yaw: float = 0.0) -> SE3:
@@ -110,12 +111,12 @@ def test_a_stretched_arm_comes_back(kinematics: Kinematics) -> None:
 def test_a_target_out_of_reach_is_brought_within() -> None:
     for side in SIDES:
         for direction in np.vstack([np.eye(3), -np.eye(3)]):
-            far = SE3(np.eye(3), SHOULDERS[side] + 5.0 * direction)
-            wrist = within_reach(side, far) @ LINK7_FROM_TCP.inverse()
-            assert np.linalg.norm(wrist.translation - SHOULDERS[side]) == pytest.approx(REACH)
+            far = SE3(np.eye(3), ROBOT.shoulders[side] + 5.0 * direction)
+            wrist = within_reach(ROBOT, side, far) @ ROBOT.link7_from_tcp.inverse()
+            assert np.linalg.norm(wrist.translation - ROBOT.shoulders[side]) == pytest.approx(REACH)
             assert np.array_equal(wrist.rotation, far.rotation)
         near = down(0.5, 0.2 * side.sign, 0.1)
-        assert within_reach(side, near) is near
+        assert within_reach(ROBOT, side, near) is near
 
 
 def test_steps_stay_within_ranges_and_velocity_limits_and_elbows_bend_one_way(
@@ -145,8 +146,8 @@ def test_where_the_solver_finds_nothing_the_arms_stay(
 @pytest.mark.parametrize("with_before", [False, True])
 def test_a_step_is_what_mink_finds_with_its_own_tasks(*, with_before: bool) -> None:
     rng = np.random.default_rng(6)
-    model = kinematic_model(Side.LEFT)
-    configuration, arm = mink.Configuration(model), ArmKinematics(Side.LEFT)
+    model = kinematic_model(Side.LEFT, ROBOT)
+    configuration, arm = mink.Configuration(model), ArmKinematics(Side.LEFT, ROBOT)
     tool = mink.FrameTask(tcp_name(Side.LEFT), "site", 1.0, 0.3, lm_damping=0.1)
     posture = mink.PostureTask(model, cost=5e-3, gain=0.05)
     inertia = mink.PostureTask(model, cost=0.02)
@@ -155,13 +156,14 @@ def test_a_step_is_what_mink_finds_with_its_own_tasks(*, with_before: bool) -> N
         last = 1e-3 * rng.normal(size=ARM_JOINTS)
         goal = arm.forward(start).moved(*2e-3 * rng.normal(size=3))
         configuration.update(start)
-        tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
+        pose = np.concatenate([goal.wxyz, goal.translation])
+        tool.set_target(mink.SE3(pose))
         posture.set_target(HOME_JOINTS[0])
         inertia.set_target(start + last)
         tasks = [tool, posture, inertia] if with_before else [tool, posture]
         speed = mink.solve_ik(configuration, tasks, DT, "daqp", damping=1e-5, limits=[])
         before = (start - last)[None] if with_before else None
-        found = arm.step(start[None], [goal], DT, HOME_JOINTS[0], before)[0]
+        found = arm.step(start[None], [pose], DT, HOME_JOINTS[0], before)[0]
         assert np.abs(found - start - speed * DT).max() < 1e-9
 
 
@@ -189,9 +191,30 @@ def test_a_solver_remembers_nothing_and_solutions_are_on_a_grid_that_float32_hol
     first = kinematics.step(HOME_JOINTS, goals)
     kinematics.solve(HOME_JOINTS + 0.2, {Side.RIGHT: down(0.6, -0.1, 0.1)})
     assert np.array_equal(kinematics.step(HOME_JOINTS, goals), first)
-    assert np.array_equal(Kinematics().step(HOME_JOINTS, goals), first)
+    assert np.array_equal(Kinematics(ROBOT).step(HOME_JOINTS, goals), first)
     assert np.array_equal(first * GRID, np.rint(first * GRID))
     assert np.array_equal(first.astype(np.float32), first)
+
+
+def test_robots_side_by_side_get_what_each_gets_alone(kinematics: Kinematics) -> None:
+    rng = np.random.default_rng(8)
+    joints = HOME_JOINTS + 0.2 * rng.normal(size=(12, 2, ARM_JOINTS))
+    joints[:4] = HOME_JOINTS
+    at = [kinematics.forward(each) for each in joints]
+    # Some rest, some come near, some are told to go where no arm reaches.
+    ways = np.repeat([0.0, 1e-5, 0.02, 2.0], 3)
+    goals = [
+        {side: at[number][side].moved(*way * rng.normal(size=3)) for side in SIDES}
+        for number, way in enumerate(ways)
+    ]
+    numbers = np.array([[each[side].tquat for side in SIDES] for each in goals])
+    for _ in range(8):
+        alone = [
+            kinematics.step(each, {side: SE3.from_tquat(row[side.index]) for side in SIDES})
+            for each, row in zip(joints, numbers, strict=True)
+        ]
+        joints = kinematics.step_all(joints, numbers)
+        assert np.array_equal(joints, alone)
 
 
 def test_with_the_step_before_no_joint_jumps_or_turns_about(kinematics: Kinematics) -> None:

@@ -19,6 +19,7 @@ from duobench.world.objects import RED, Prop, Solid, box
 from duobench.world.objects.segmentation import segmentation_ids
 from duobench.world.robot.camera_geometry import geometries
 from duobench.world.robot.cameras import POLICY_CAMERAS, describe_cameras
+from duobench.world.robot.frames import ROBOT
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.simulation import Simulation
 
@@ -148,7 +149,7 @@ def test_places_are_those_that_the_model_and_exports_have(backend: SimBackend) -
 
 def test_a_lens_has_square_pixels_and_the_angle_that_it_was_given() -> None:
     camera = replace(OWN[0], fovy_deg=90)
-    (seen,) = geometries({camera: (100, 300)}, np.zeros((2, 7))).values()
+    (seen,) = geometries({camera: (100, 300)}, np.zeros((2, 7)), ROBOT.gripper).values()
     assert seen.matrix.tolist() == [
         [pytest.approx(50.0), 0.0, 149.5],
         [0.0, pytest.approx(50.0), 49.5],

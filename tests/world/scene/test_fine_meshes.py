@@ -11,7 +11,7 @@ from dev.tools import fine_meshes as recipes
 from dev.tools.meshes import SEAMS
 from duobench.core.errors import AssetError
 from duobench.core.types import SIDES, Side
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.frames import ROBOT
 from duobench.world.robot.joints import JOINT_RANGES
 from duobench.world.scene import fine_meshes as fine
 from duobench.world.scene.compose import compose
@@ -23,12 +23,13 @@ from duobench.world.scene.fine_meshes import (
     decode,
     fine_meshes,
 )
-from duobench.world.scene.gripper import FINGERTIP_SIZE
 from duobench.world.scene.meshes import robot_meshes, shipped
 from duobench.world.scene.naming import arm_joint_names, pad_names
-from duobench.world.sim.duo import HOME
+from duobench.world.scene.robotiq_2f85 import FINGERTIP_SIZE
 from duobench.world.sim.simulation import Simulation
 from tests.test_repository import ROOT, tracked
+
+GRIPPER = ROBOT.gripper
 
 NAMES = [mesh.name for mesh in fine_meshes()]
 BY_NAME = {mesh.name: mesh for mesh in fine_meshes()}
@@ -171,7 +172,7 @@ def test_every_visible_mesh_of_the_robot_has_a_fine_one(
         for geom in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH).tolist()
         if model.mesh(int(model.geom_dataid[geom])).name.endswith(":visual")
     }
-    pads = {int(model.body(name).geomadr[0]) for side in SIDES for name in pad_names(side)}
+    pads = {int(model.body(name).geomadr[0]) for side in SIDES for name in pad_names(side, GRIPPER)}
     assert len(pads) == 4
     assert set(robot.geoms.tolist()) == seen | pads
 
@@ -202,13 +203,13 @@ def test_every_fine_mesh_is_where_its_body_is(
 def test_fine_and_reduced_images_have_the_same_outlines(
     simulation: Simulation, robot: FineRobot, side: Side
 ) -> None:
-    simulation.data.qpos[simulation.duo.joints[side.index]] = HOME.joints[side.index]
+    simulation.data.qpos[simulation.duo.joints[side.index]] = ROBOT.home_command.joints[side.index]
     mujoco.mj_kinematics(simulation.model, simulation.data)
     robot.follow(simulation.data)
     boxes: list[dict[str, list[np.ndarray]]] = [{}, {}]
     for geom in sorted(set(robot.geoms.tolist())):
         body = simulation.model.body(int(simulation.model.geom_bodyid[geom])).name
-        if not body.startswith(side) or body in pad_names(side):
+        if not body.startswith(side) or body in pad_names(side, GRIPPER):
             continue
         frame = simulation.pose(body).inverse()
         ours = [
@@ -261,7 +262,7 @@ def test_a_pad_of_rubber_is_what_a_fingertip_meets_first(
     """A ray from between the pads meets rubber within a quarter of a millimetre of the contact."""
     robot.follow(simulation.data)
     which = np.zeros(1, dtype=np.int32)
-    for name in pad_names(side):
+    for name in pad_names(side, GRIPPER):
         pad = simulation.pose(name)
         box = simulation.model.geom(int(simulation.model.body(name).geomadr[0]))
         face, high = box.pos[0] + box.size[0], box.pos[2] + box.size[2]

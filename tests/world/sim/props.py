@@ -9,8 +9,8 @@ from duobench.world.objects.blocks import RED, WHITE, block, cube
 from duobench.world.objects.bowl import bowl
 from duobench.world.objects.chest import chest
 from duobench.world.objects.prop import Prop
+from duobench.world.robot.frames import ROBOT
 from duobench.world.scene.naming import tcp_name
-from duobench.world.sim.duo import HOME
 from duobench.world.sim.simulation import Simulation
 
 EDGE = 0.032
@@ -34,7 +34,7 @@ def hold(
     for _ in range(steps):
         sim.place(name, tool)
         sim.forward()
-        sim.step(DuoCommand(joints=HOME.joints, openings=np.array([opening, 1.0])))
+        sim.step(DuoCommand(joints=ROBOT.home_command.joints, openings=np.array([opening, 1.0])))
 
 
 def at_reset(name: str, seed: int) -> Simulation:

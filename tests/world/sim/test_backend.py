@@ -8,12 +8,12 @@ from duobench.core.errors import OptionError
 from duobench.core.types import CONTROL_HZ, DuoCommand
 from duobench.envs import EnvConfig, base_of
 from duobench.envs.protocol import make_env
+from duobench.world.robot.frames import ROBOT
 from duobench.world.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.world.sim.backend import SimBackend
-from duobench.world.sim.duo import HOME
 from duobench.world.sim.simulation import Simulation
 
-AWAY = DuoCommand(joints=HOME.joints + 0.05, openings=np.full(2, 0.5))
+AWAY = DuoCommand(joints=ROBOT.home_command.joints + 0.05, openings=np.full(2, 0.5))
 
 
 @pytest.fixture
@@ -28,14 +28,14 @@ def test_held_arms_stay_until_they_are_brought_home(backend: SimBackend) -> None
     backend.hold("first")
     backend.hold("second")
     assert backend.held == "first"
-    sent = backend.command(HOME)
+    sent = backend.command(ROBOT.home_command)
     assert sent.flat == pytest.approx(AWAY.flat)
     assert backend.last_command.flat == pytest.approx(AWAY.flat)
     backend.home()
     assert (backend.held, backend.time) == (None, 0.0)
-    assert backend.last_command.flat == pytest.approx(HOME.flat)
+    assert backend.last_command.flat == pytest.approx(ROBOT.home_command.flat)
     state = backend.read()
-    assert state.joints == pytest.approx(HOME.joints)
+    assert state.joints == pytest.approx(ROBOT.home_command.joints)
     assert state.openings == pytest.approx(1.0)
     assert backend.command(AWAY) is AWAY
 
@@ -61,7 +61,7 @@ def test_arms_move_no_faster_than_a_rig_lets_them_and_keep_away_from_the_ends_of
     changes = np.abs(np.diff(sent, axis=0))
     most = fraction * np.array(VELOCITY_LIMITS) / CONTROL_HZ
     assert changes == pytest.approx(np.broadcast_to(most, changes.shape))
-    turned = DuoCommand.from_flat(HOME.flat)
+    turned = DuoCommand.from_flat(ROBOT.home_command.flat)
     turned.joints[:, -1] = [9.0, -9.0]  # all joints together would meet each other
     sent = sent_in(env, turned.flat, round(60 / fraction)).reshape(-1, 2, 8)[-1, :, 6]
     assert sent == pytest.approx(JOINT_RANGES[-1, ::-1] + np.array([-0.05, 0.05]))

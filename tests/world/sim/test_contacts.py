@@ -7,9 +7,9 @@ import pytest
 
 from duobench.core.errors import UnknownNameError
 from duobench.core.types import SIDES, Side
+from duobench.world.robot.frames import ROBOT
 from duobench.world.scene.naming import TABLE
 from duobench.world.sim.contacts import Contacts, HingeAxis, Limb, limb_owner
-from duobench.world.sim.duo import HOME
 from duobench.world.sim.simulation import Simulation
 from tests.world.sim.props import EDGE, hold, scene
 
@@ -44,7 +44,7 @@ class Toy:
         arms = "".join(arm.format(side=side, x=2 * side.index - 1, **names) for side in SIDES)
         self.model = mujoco.MjModel.from_xml_string(xml.format(arms=arms))
         self.data = mujoco.MjData(self.model)
-        self.contacts = Contacts(self.model, self.data)
+        self.contacts = Contacts(self.model, self.data, ROBOT.gripper)
         self.place()
 
     def place(self, *position: float, body: str = "ball") -> Contacts:
@@ -259,7 +259,7 @@ def test_a_real_gripper_pinches_and_lets_go() -> None:
     pads = {limb_owner(Side.LEFT, Limb.LEFT_FINGER), limb_owner(Side.LEFT, Limb.RIGHT_FINGER)}
     assert pads <= sim.contacts.partners("cube")
     for _ in range(20):
-        sim.step(HOME)
+        sim.step(ROBOT.home_command)
     assert not sim.contacts.gripper(Side.LEFT, "cube")
     assert sim.position("cube")[2] == pytest.approx(EDGE / 2, abs=0.03)
 

@@ -10,13 +10,15 @@ from duobench.core.errors import DuoBenchError, UnknownNameError
 from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, SIDES, DuoCommand, Side
 from duobench.world.kinematics.inverse import Kinematics
-from duobench.world.robot.gripper import GRIPPER
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.scene.compose import SUBSTEPS, compose
 from duobench.world.scene.naming import arm_joint_names, pad_names, tcp_name
-from duobench.world.sim.duo import HOME, Duo, names_of, resolve
+from duobench.world.sim.duo import Duo, names_of, resolve
 from duobench.world.sim.simulation import Simulation
 from tests.world.sim.props import hold, scene
+
+GRIPPER = ROBOT.gripper
 
 
 @pytest.fixture(scope="module")
@@ -32,14 +34,14 @@ def sim(shared: Simulation) -> Simulation:
 
 
 def command(left: float = 0.0, right: float = 0.0, opening: float = 1.0) -> DuoCommand:
-    joints = HOME.joints + np.array([[left], [right]])
+    joints = ROBOT.home_command.joints + np.array([[left], [right]])
     return DuoCommand(joints=joints, openings=np.full(2, opening))
 
 
 def test_a_model_without_the_robot_is_refused() -> None:
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     with pytest.raises(UnknownNameError, match="left/joint1"):
-        Duo(model, mujoco.MjData(model))
+        Duo(model, mujoco.MjData(model), ROBOT)
 
 
 def test_actuators_in_another_order_are_refused() -> None:
@@ -49,7 +51,7 @@ def test_actuators_in_another_order_are_refused() -> None:
     spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     model = spec.compile()
     with pytest.raises(DuoBenchError, match="follow each other"):
-        Duo(model, mujoco.MjData(model))
+        Duo(model, mujoco.MjData(model), ROBOT)
 
 
 def ramped(sim: Simulation, goal: DuoCommand) -> np.ndarray:
@@ -74,7 +76,7 @@ def test_targets_move_linearly_over_the_step(sim: Simulation) -> None:
 def test_a_command_can_be_read_back_exactly(sim: Simulation) -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
-        joints = HOME.joints + rng.uniform(-0.1, 0.1, size=(2, 7))
+        joints = ROBOT.home_command.joints + rng.uniform(-0.1, 0.1, size=(2, 7))
         sent = DuoCommand(joints=joints, openings=rng.uniform(size=2))
         sim.step(sent)
         assert np.array_equal(sim.duo.command().joints, sent.joints)
@@ -108,7 +110,7 @@ def test_the_grippers_open_as_far_as_told(sim: Simulation, opening: float) -> No
 
 def gap(sim: Simulation) -> float:
     """Distance in metres between the pads of the left gripper."""
-    left, right = (sim.position(name) for name in pad_names(Side.LEFT))
+    left, right = (sim.position(name) for name in pad_names(Side.LEFT, GRIPPER))
     opening = sim.site_pose(tcp_name(Side.LEFT)).rotation[:, 1]
     return abs(float((left - right) @ opening))
 
@@ -134,7 +136,7 @@ def test_fingers_press_with_a_set_force(opening: float) -> None:
     """Whatever opening is commanded, as long as it is narrower than what they hold."""
     sim = scene()
     hold(sim, "cube", steps=25, opening=opening)
-    for pad in pad_names(Side.LEFT):
+    for pad in pad_names(Side.LEFT, GRIPPER):
         assert normal_force(sim, pad, "cube") == pytest.approx(GRIPPER.force, rel=0.05)
 
 
@@ -162,8 +164,8 @@ def test_arms_that_are_driven_into_each_other_do_not_sink_in(sim: Simulation) ->
 
 def test_the_quaternion_of_a_tool_that_points_down_does_not_flip(sim: Simulation) -> None:
     """Seen while a tool is turned about the vertical and leans to and fro, through qw = 0."""
-    kinematics = Kinematics()
-    joints = HOME.joints.copy()
+    kinematics = Kinematics(ROBOT)
+    joints = ROBOT.home_command.joints.copy()
     seen = []
     for number in range(90):
         yaw, lean = -1.0 + 2.0 * number / 90, 0.3 * math.sin(0.1 * number)

@@ -14,7 +14,7 @@ from duobench.core.types import DuoCommand
 from duobench.world.objects.blocks import RED, cube
 from duobench.world.objects.cup import cup
 from duobench.world.objects.prop import Prop
-from duobench.world.sim.duo import HOME
+from duobench.world.robot.frames import ROBOT
 from duobench.world.sim.questions import CLEARLY
 from duobench.world.sim.simulation import MAX_SETTLE_STEPS, Simulation
 from tests.world.sim.props import EDGE, LID, REST, scene
@@ -42,7 +42,7 @@ def begin(sim: Simulation) -> None:
 
 def busy(number: int) -> DuoCommand:
     """Commands that swing the arms over the table and work the grippers."""
-    joints = HOME.joints + 0.3 * math.sin(0.4 * number)
+    joints = ROBOT.home_command.joints + 0.3 * math.sin(0.4 * number)
     return DuoCommand(joints=joints, openings=np.full(2, 0.5 + 0.5 * math.cos(0.5 * number)))
 
 
@@ -104,7 +104,7 @@ def test_clearing_forgets_everything(sim: Simulation) -> None:
     played(sim, range(6))
     sim.reset_data()
     assert sim.get_state().tobytes() == first
-    assert np.array_equal(sim.duo.command().flat, HOME.flat)
+    assert np.array_equal(sim.duo.command().flat, ROBOT.home_command.flat)
 
 
 def test_after_a_step_everything_is_up_to_date(sim: Simulation) -> None:
@@ -138,7 +138,7 @@ def test_settling_is_bounded(sim: Simulation) -> None:
 def test_props_are_placed_where_they_are_told_at_rest(sim: Simulation) -> None:
     falling(sim)
     for _ in range(4):
-        sim.step(HOME)
+        sim.step(ROBOT.home_command)
     assert sim.speed("cube")[0] > 0.3
     for name in REST:
         pose = SE3.at(0.4, 0.1, 0.6, yaw=-0.7) @ SE3.about((1, 0, 0), 0.5)
@@ -152,7 +152,7 @@ def test_fixed_props_stay(sim: Simulation) -> None:
     sim.place("cube", SE3.at(0.7, -0.3, 0.2))
     sim.forward()
     for _ in range(15):
-        sim.step(HOME)
+        sim.step(ROBOT.home_command)
     assert sim.data.time == pytest.approx(0.5), "a step takes a thirtieth of a second"
     assert max(sim.pose("chest").distance(REST["chest"])) < 1e-9
     assert sim.speed("chest") == (0.0, 0.0)

@@ -18,7 +18,8 @@ from duobench.teleop.messages import (
     Restore,
 )
 from duobench.world.kinematics.inverse import Kinematics
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.mounts import HOME_JOINTS
 
 OPEN_HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES)))
 """Where the arms are at first: at home, both grippers open."""
@@ -44,7 +45,7 @@ class HandArms:
         self.note = ""
         """A sentence for the operator."""
         self._lockstep = lockstep
-        self._kinematics = Kinematics()
+        self._kinematics = Kinematics(ROBOT)
         self._presses = ButtonPresses()
         self._inbox = Inbox()
         self._decision: str | None = None

@@ -59,8 +59,8 @@ def run(
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         tasks = find_tasks((task,))
-        led_by = leading.open(ending, partial(find_rig_policy, tasks=tasks))
         duo = rig.open()
+        led_by = leading.open(ending, partial(find_rig_policy, tasks=tasks), duo.robot)
         terminal = ending.enter_context(closing(KeyTerminal()))
         recorder = make_real_recorder(
             duo,

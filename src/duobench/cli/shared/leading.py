@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from duobench.teleop.policy_leader import PolicyLeader
     from duobench.teleop.teleop_page import TeleopPage
     from duobench.web.server import PageServer
+    from duobench.world.robot.frames import Robot
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,20 +52,21 @@ class LeadingOptions:
         self,
         ending: ExitStack,
         find_policy: Callable[[str], PolicySource],
+        robot: Robot,
     ) -> LedBy:
-        """Open what leads the arms, which `ending` lets go of."""
+        """Open what leads the arms of a robot, which `ending` lets go of."""
         from duobench.data import Actor, ActorKind
         from duobench.teleop.hands import HandDevice
         from duobench.teleop.leaders.device import LeaderDevice
 
         self._check_words()
         if self.leader is None:
-            device = HandDevice(lockstep=self.lockstep)
+            device = HandDevice(lockstep=self.lockstep, robot=robot)
         else:
             arms = _joint_source(self.leader)
             arms.connect()
             ending.callback(arms.close)
-            device = LeaderDevice(arms)
+            device = LeaderDevice(arms, robot)
         kind = ActorKind.SCRIPTED_OPERATOR if self.scripted else ActorKind.PERSON
         source = None
         if self.policy is not None:

@@ -21,8 +21,7 @@ from duobench.data.used_rows import Steps, UsedRows
 from duobench.envs.action_labels import tool_labels
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT
 from duobench.world.kinematics.inverse import Kinematics
-from duobench.world.robot.frames import tool_frames
-from duobench.world.robot.joints import HOME_JOINTS
+from duobench.world.robot.frames import Robot
 
 _kinematics = cache(Kinematics)
 
@@ -45,10 +44,13 @@ def labels_of(
     targets, residual = _joint_targets(recording, steps, source)
     if mode == JOINT.name:
         return targets, residual
-    positions, rotations = _tools(targets)
+    robot = recording.info.robot
+    positions, rotations = _tools(targets, robot)
     if mode == CARTESIAN_RELATIVE.name:
-        home = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES))).flat
-        before, turned = _tools(np.vstack([home, recording.sent])[steps.before + 1])
+        home = DuoCommand(joints=robot.home, openings=np.ones(len(SIDES))).flat
+        before, turned = _tools(
+            np.vstack([home, recording.sent])[steps.before + 1], robot
+        )
         positions = positions - before
         rotations = _turns_between(turned, rotations)
     return tool_labels(positions, rotations, targets[:, OPENING_SLOTS]), residual
@@ -66,10 +68,12 @@ def _as_given(actions: Array, mode: str) -> Array:
     return tool_labels(sides[..., :3], np.reshape(rotations, shape), sides[..., -1])
 
 
-def _tools(commands: Array) -> tuple[Array, Array]:
+def _tools(commands: Array, robot: Robot) -> tuple[Array, Array]:
     """Positions (T, 2, 3) and rotations (T, 2, 3, 3) of the tools at flat commands (T, 16)."""
     sides = commands.reshape(len(commands), len(SIDES), -1)
-    frames = [tool_frames(side, sides[:, side.index, :ARM_JOINTS]) for side in SIDES]
+    frames = [
+        robot.tool_frames(side, sides[:, side.index, :ARM_JOINTS]) for side in SIDES
+    ]
     positions, rotations = zip(*frames, strict=True)
     return np.stack(positions, axis=1), np.stack(rotations, axis=1)
 
@@ -93,7 +97,7 @@ def _joint_targets(
 
 def _solved(recording: Recording, steps: Steps) -> tuple[Array, Residual]:
     """Joint targets of tool poses, solved for from the observed joints of each row."""
-    kinematics = _kinematics()
+    kinematics = _kinematics(recording.info.robot)
     solved, errors = np.empty((len(steps), FLAT_SIZE)), []
     for number, row in enumerate(steps.rows):
         action = recording.action[row].reshape(len(SIDES), SIDE_SIZE)

@@ -89,6 +89,7 @@ from duobench.envs.rewards import DENSE, PROGRESS, STAGE
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import RANDOM
 from duobench.world.robot.cameras import describe_cameras
+from duobench.world.robot.frames import Robot
 from duobench.world.sim import rendering
 
 _Job = tuple[ExportFolder, int]
@@ -223,6 +224,7 @@ def _plan(
     """Plan of an export into one folder; every recording is read to the end."""
     episodes = []
     tasks = set()
+    robots = dict[Robot, str]()
     digests = set[str]()
     failures = 0
     emptied: list[str] = []
@@ -248,6 +250,9 @@ def _plan(
             if not stretches:
                 emptied.append(" and ".join(used.left_out))
             for rows in stretches:
+                robots[info.robot] = (
+                    "" if info.config is None else info.config.other_robot
+                )
                 tasks.add(task)
                 episodes.append(
                     SourceEpisode(
@@ -276,6 +281,13 @@ def _plan(
                 f"{told} Of these, {failures} that people led did not succeed."
             )
         raise DataError(told)
+    if len(robots) > 1:
+        raise DataError(
+            "The episodes were recorded with different grippers or mounts "
+            f"({', '.join(name or 'those of the paper' for name in robots.values())}); export "
+            "each into a folder of its own."
+        )
+    ((robot, name),) = robots.items()
     return Export(
         options=options,
         suite_version=SUITE_VERSION,
@@ -283,7 +295,8 @@ def _plan(
         episodes=tuple(episodes),
         failures=failures,
         object_state_names=_object_state_names(tasks) if options.object_state else (),
-        cameras=describe_cameras(),
+        cameras=describe_cameras(robot.gripper),
+        robot=name,
     )
 
 

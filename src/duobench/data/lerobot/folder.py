@@ -106,6 +106,8 @@ class Export:
     object_state_names: tuple[str, ...] = ()
     """Names of the numbers of the object state; none where it is not exported."""
     cameras: dict[str, Any] = field(default_factory=dict)
+    robot: str = ""
+    """Gripper and mount that are not the paper's; empty where both are."""
     domains: tuple[str, ...] = DOMAINS
     """Meaning of the numbers 0, 1 of the column `domain`."""
 

@@ -18,7 +18,6 @@ from duobench.data.used_rows import RowChoice, Steps, used_rows
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import ACTION_MODES, JOINT, JOINT_RELATIVE
 from duobench.envs.rewards import DENSE, PROGRESS, REWARDS
-from duobench.world.robot.joints import HOME_JOINTS
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -140,7 +139,7 @@ def _sent(
     """The actions (T, m) of a mode that send what was sent."""
     if mode == JOINT_RELATIVE.name:
         home = DuoCommand(
-            joints=HOME_JOINTS,
+            joints=recording.info.robot.home,
             openings=np.ones(2),
         ).flat
         wanted = recording.sent[steps.rows]

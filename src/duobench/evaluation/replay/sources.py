@@ -48,6 +48,8 @@ from duobench.web.server import PageServer
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
 from duobench.world.robot.cameras import View
+from duobench.world.robot.frames import robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 from duobench.world.sim.simulation import Simulation
 
 LAYOUTS = 20
@@ -87,9 +89,14 @@ class TaskSource:
     """
 
     def __init__(
-        self, task: str | Task, look: str | Look = DEFAULT, view: View | None = None
+        self,
+        task: str | Task,
+        look: str | Look = DEFAULT,
+        view: View | None = None,
+        gripper: str = DEFAULT_GRIPPER,
     ) -> None:
         self._task, self._look = catalog.get(task), as_look(look)
+        self._robot = robot_with(gripper)
         self._env: Latest[SimEnv] = Latest()
         self._scenes = SceneCache(view)
         self.title = self._task.title
@@ -99,7 +106,10 @@ class TaskSource:
 
     def load(self, item: str) -> Trajectory:
         """Reset the environment."""
-        env = self._env.get(self._task.id, lambda: SimEnv(self._task, look=self._look))
+        env = self._env.get(
+            self._task.id,
+            lambda: SimEnv(self._task, look=self._look, robot=self._robot),
+        )
         _, info = env.reset(options={LAYOUT_SEED: int(item)})
         recorder = TrajectoryRecorder(self._scenes, self._look)
         recorder.on_episode_start(env, {}, info)
@@ -184,6 +194,7 @@ class DataSource:
         source = self._source.get(
             info.task, lambda: ImageSource(task, cameras=(), look=self._look)
         )
+        source.take(info.robot)
         show = source.show
         note = ""
         if info.is_real:
@@ -448,6 +459,7 @@ def open_view(
     *,
     import_tasks: bool = False,
     view: View | None = None,
+    gripper: str = DEFAULT_GRIPPER,
 ) -> ViewSource:
     """Return the source that a word names: a data set, a run or a bundle by its path, or a task.
 
@@ -457,6 +469,7 @@ def open_view(
         tasks: Only the episodes of these tasks; of all if none is named.
         import_tasks: See `RunSource`.
         view: Where the page looks from at first; None is the task's overview.
+        gripper: Gripper with which a task is shown.
     """
     path = Path(what)
     if (path / DATA_SET).exists():
@@ -484,7 +497,7 @@ def open_view(
             f"{what} holds neither a data set ({DATA_SET}) nor an evaluation ({RUN})."
         )
     else:
-        return TaskSource(what, look, view)
+        return TaskSource(what, look, view, gripper)
     if not source.items:
         raise EvaluationError(f"{what} has no finished episode to view.")
     return source

@@ -62,6 +62,7 @@ from duobench.results.run import (
 from duobench.results.scores import Results, summarize
 from duobench.results.suite import Episode, Suite, TaskInfo
 from duobench.world.looks.catalog import as_look
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 _RESUMING = Resuming()
 
@@ -262,6 +263,7 @@ def record(  # noqa: PLR0913
     after_success: float = AFTER_SUCCESS_S,
     limits: TimeLimits | None = None,
     workers: int = 1,
+    gripper: str = DEFAULT_GRIPPER,
     observers: Sequence[Observer[Attempt]] = (),
     command: str = "",
 ) -> list[Attempt]:
@@ -280,6 +282,7 @@ def record(  # noqa: PLR0913
         after_success: Seconds that a recording goes on after success, rounded to control steps.
         limits: How long the policy may take.
         workers: Processes that play side by side; with 0 this process plays.
+        gripper: Gripper on the arms; see `EnvConfig`.
         observers: Called about the progress, in this process.
         command: The command that starts the recording, for the list of attempts.
 
@@ -302,7 +305,12 @@ def record(  # noqa: PLR0913
     )
     job = Job(
         policy=PolicyChoice(name=policy),
-        suite=Suite(tasks=tuple(tasks), episodes=episodes, first_episode=first),
+        suite=Suite(
+            tasks=tuple(tasks),
+            episodes=episodes,
+            first_episode=first,
+            gripper=gripper,
+        ),
         limits=limits or TimeLimits(),
         recording=plan,
     )

@@ -29,8 +29,7 @@ from duobench.real.calibration.board import (
 from duobench.real.canonical import nominal_pose
 from duobench.real.rig import UNPOSED, CameraCalibration
 from duobench.world.robot.cameras import HEAD, wrist_name
-from duobench.world.robot.frames import tool_pose
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.frames import Robot
 from duobench.world.robot.joints import JOINT_RANGES
 
 NOTED_M, NOTED_DEG = 0.03, 8.0
@@ -192,13 +191,17 @@ class _Seen:
     table_from_flange: SE3
 
 
-def flange_pose(side: Side, joints: Array) -> SE3:
+def flange_pose(robot: Robot, side: Side, joints: Array) -> SE3:
     """Pose of an arm's flange in the table frame at joint positions (7,) in radians."""
-    return tool_pose(side, joints) @ SE3.at(z=-GRIPPER.tool_offset)
+    return robot.tool_pose(side, joints) @ SE3.at(z=-robot.gripper.tool_offset)
 
 
 def calibrate_wrist(
-    views: Sequence[BoardView], side: Side, board: Board, lens: CameraCalibration
+    views: Sequence[BoardView],
+    side: Side,
+    board: Board,
+    lens: CameraCalibration,
+    robot: Robot,
 ) -> Measured:
     """The place of a wrist camera in its flange.
 
@@ -214,7 +217,10 @@ def calibrate_wrist(
             )
     found = Detector(board).find_all([view.image for view in views], FEWEST_VIEWS)
     seen = [
-        _Seen(detection=each, table_from_flange=flange_pose(side, views[number].joints))
+        _Seen(
+            detection=each,
+            table_from_flange=flange_pose(robot, side, views[number].joints),
+        )
         for number, each in found
     ]
     train, test = split_views(seen)

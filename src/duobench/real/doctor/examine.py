@@ -11,7 +11,7 @@ from duobench.core.machine import install_extra
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.real.canonical import CanonicalView
-from duobench.real.catalog import HARDWARE_GRIPPER, is_computed
+from duobench.real.catalog import is_computed, load_driver
 from duobench.real.devices import ArmReading, Camera
 from duobench.real.doctor.checks import Check, CheckOutcome
 from duobench.real.doctor.computer import computer_checks
@@ -24,6 +24,7 @@ from duobench.real.mounts import (
 )
 from duobench.real.rig import CameraConfig, GripperConfig
 from duobench.world.robot.cameras import HEAD
+from duobench.world.robot.frames import Robot
 
 HOLDING_S = 10.0
 SUCCESS_RATE = "control_command_success_rate"
@@ -94,7 +95,7 @@ def examine(
         return (*checks, CheckOutcome.FAILED.of("connection", str(error)))
     checks.append(CheckOutcome.OK.of("connection", "all devices answer"))
     measured = _Measurement(duo, seconds)
-    checks += [*_arm_checks(measured), mount_check(duo.readings())]
+    checks += [*_arm_checks(measured), mount_check(duo.readings(), duo.robot)]
     checks += [_gripper_check(duo, side) for side in SIDES]
     for name, config in duo.rig.cameras.items():
         checks += _camera_checks(measured, name, config)
@@ -155,7 +156,8 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     ends, usual = (
         (each.open_count, each.closed_count) for each in (config, GripperConfig())
     )
-    is_measured = config.driver != HARDWARE_GRIPPER or ends != usual
+    has_ends = hasattr(load_driver("grippers", config.driver), "measure_ends")
+    is_measured = not has_ends or ends != usual
     advice = f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
     return CheckOutcome.NOTE.unless(is_measured, name, value, advice)
 
@@ -290,10 +292,10 @@ def _drift_check(duo: FrankaDuo, reference: Image | None) -> Check:
 # --- left and right ------------------------------------------------------------------------------
 
 
-def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
+def mount_check(readings: Mapping[Side, ArmReading], robot: Robot) -> Check:
     """Say whether left and right are swapped, by the torques of both arms at rest."""
     name = "left and right arm"
-    found = misfits(readings)
+    found = misfits(readings, robot)
     if found is None:
         return CheckOutcome.SKIPPED.of(name, "the arms feel no torques")
     own, other = found
@@ -301,7 +303,7 @@ def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
         f"{side}: {own[side.index]:.1f} N·m off as {side}, {other[side.index]:.1f} as {side.other}"
         for side in SIDES
     )
-    if are_swapped(readings):
+    if are_swapped(readings, robot):
         return CheckOutcome.FAILED.of(name, value, SWAPPED)
     advice = (
         "Torques fit neither mount well: look at the mass of the tool that the control box knows, "

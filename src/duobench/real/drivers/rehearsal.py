@@ -2,7 +2,6 @@
 
 import copy
 import threading
-from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -23,9 +22,9 @@ from duobench.real.clock import (
 )
 from duobench.real.devices import ArmReading, Depth, Device
 from duobench.real.drivers.frames import TickedCamera
-from duobench.real.drivers.robotiq import RobotiqGripper
-from duobench.real.rehearsal import RELEASE, RehearsalWorld
+from duobench.real.rehearsal import RELEASE, RehearsalWorld, gripper_driver
 from duobench.real.rig import ArmConfig, CameraConfig, GripperConfig
+from duobench.world.robot.frames import Robot
 from duobench.world.sim.rendering import Renderer
 
 RENDER_S = 0.1
@@ -100,45 +99,6 @@ class RehearsalArm:
         if self._world.is_stopped:
             raise BackendError(RELEASE)
         self._arm.fault = None
-
-
-class RehearsalPort:
-    """Leads to the registers of a gripper of the world, in place of a serial line."""
-
-    trouble = ""
-
-    def __init__(self, world: RehearsalWorld, side: Side) -> None:
-        self._world, self._registers = world, world.grippers[side]
-
-    @property
-    def is_open(self) -> bool:
-        """Always: its cable cannot be pulled."""
-        return True
-
-    def open(self) -> bool:
-        """Advance the world's time."""
-        self._world.enter(self)
-        return True
-
-    def write(self, values: Sequence[int]) -> bool:
-        """Write the registers of the command, if the gripper has power."""
-        with self._world.lock:
-            if self._has_answer():
-                self._registers.write(values)
-        return self._registers.has_power
-
-    def read(self) -> list[int] | None:
-        """Read the registers of the status, if the gripper has power."""
-        with self._world.lock:
-            return self._registers.read() if self._has_answer() else None
-
-    def close(self) -> None:
-        """Let go of the world."""
-        self._world.leave(self)
-
-    def _has_answer(self) -> bool:
-        self.trouble = "" if self._registers.has_power else "it has no power"
-        return self._registers.has_power
 
 
 class RehearsalViews:
@@ -283,9 +243,9 @@ class RehearsalCamera(TickedCamera):
 class Rehearsal:
     """Makes the devices of a rig that share one world."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, robot: Robot) -> None:
         self._clock = clock
-        self.world = RehearsalWorld(clock)
+        self.world = RehearsalWorld(clock, robot)
         """World that the devices act on."""
         self._views = RehearsalViews(clock, self.world)
 
@@ -294,13 +254,14 @@ class Rehearsal:
     ) -> Device:
         """The arm on the mount that an address names, a gripper, or the camera of a name.
 
-        A gripper is the driver of real ones, at the registers of the one that a port names.
+        A gripper is the driver of real ones, at the imitation of the one that a port names.
         """
         if isinstance(config, ArmConfig):
             return RehearsalArm(config, self._clock, self.world)
         if isinstance(config, GripperConfig):
-            port = RehearsalPort(self.world, _side(config.port, "port"))
-            return RobotiqGripper(config, self._clock, port=port)
+            side = _side(config.port, "port")
+            driver = gripper_driver(self.world.robot)
+            return driver.rehearse(config, self._clock, self.world, side)
         return RehearsalCamera(config, self._clock, name, self._views)
 
 

@@ -15,10 +15,11 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from duobench.core.errors import ActionError, BackendError
 from duobench.core.machine import load_extra
+from duobench.core.types import Side
 from duobench.real.clock import Clock, Ticker
 from duobench.real.devices import GripperReading
 from duobench.real.registers import (
@@ -27,9 +28,13 @@ from duobench.real.registers import (
     AT_GOAL,
     GO,
     MOVING,
+    GripperRegisters,
 )
 from duobench.real.rig import SHORTEST_WAY, GripperConfig
 from duobench.results.labels import Fault, FaultKind
+
+if TYPE_CHECKING:
+    from duobench.real.rehearsal import RehearsalWorld
 
 DEVICE_ID = 9
 """The gripper's address on its bus, as it is sold."""
@@ -185,12 +190,54 @@ class SerialPort:
         return answer
 
 
+class RehearsalPort:
+    """Leads to the registers of a gripper of the world, in place of a serial line."""
+
+    trouble = ""
+
+    def __init__(self, world: RehearsalWorld, side: Side) -> None:
+        self._world, self._registers = world, world.grippers[side]
+
+    @property
+    def is_open(self) -> bool:
+        """Always: its cable cannot be pulled."""
+        return True
+
+    def open(self) -> bool:
+        """Advance the world's time."""
+        self._world.enter(self)
+        return True
+
+    def write(self, values: Sequence[int]) -> bool:
+        """Write the registers of the command, if the gripper has power."""
+        with self._world.lock:
+            if self._has_answer():
+                self._registers.write(values)
+        return self._registers.has_power
+
+    def read(self) -> list[int] | None:
+        """Read the registers of the status, if the gripper has power."""
+        with self._world.lock:
+            return self._registers.read() if self._has_answer() else None
+
+    def close(self) -> None:
+        """Let go of the world."""
+        self._world.leave(self)
+
+    def _has_answer(self) -> bool:
+        self.trouble = "" if self._registers.has_power else "it has no power"
+        return self._registers.has_power
+
+
 class RobotiqGripper:
     """A gripper that a ticker of the clock asks 30 times a second, and tells what is new.
 
     It is reached over a port, by default the serial one that its configuration names, where an
     answer has to come in `answer_s` seconds.
     """
+
+    imitation = GripperRegisters
+    """Stands for the hardware in a rehearsal."""
 
     def __init__(
         self,
@@ -313,6 +360,17 @@ class RobotiqGripper:
             self._ticker = None
         if self._port is not None:
             self._port.close()
+
+    @classmethod
+    def rehearse(
+        cls,
+        config: GripperConfig,
+        clock: Clock,
+        world: RehearsalWorld,
+        side: Side,
+    ) -> RobotiqGripper:
+        """The gripper of a side of a rehearsal."""
+        return cls(config, clock, port=RehearsalPort(world, side))
 
     @classmethod
     def measure_ends(

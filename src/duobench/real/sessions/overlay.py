@@ -66,7 +66,7 @@ class Overlay:
 
     def __init__(self, task: Task, rig: Rig) -> None:
         self.task = task
-        self._simulation = Simulation(task.props)
+        self._simulation = Simulation(task.props, robot=rig.robot)
         self._renderer: Renderer | None = None
         self.table_from_head = head_pose(rig)
         """Pose of the head camera in the table frame, with MuJoCo's axes."""

@@ -478,7 +478,7 @@ class RigTeleopPage(TeleopPage):
         self._real = cast("RealEnv", session.env.base)
         self._heard = time.monotonic()
         task = self._real.definition
-        self._picture = Simulation(task.props, task.overview)
+        self._picture = Simulation(task.props, task.overview, self._real.rig.robot)
         super().__init__(session, server)
         session.on_moving = self.show
         self._real.rig.watch_person(self._look)

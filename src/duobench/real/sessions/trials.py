@@ -27,6 +27,7 @@ from duobench.printing.sheet import layout_sheet
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env
 from duobench.real.judge import HumanJudge
+from duobench.real.rig import Rig
 from duobench.real.sessions.cameras import Film, head_image
 from duobench.real.sessions.overlay import Overlay
 from duobench.real.sessions.policy_runner import (
@@ -108,7 +109,7 @@ class TrialsSession(RigSession):
             sources[name] = find_rig_policy(name, (task,))
             ending.callback(sources[name].close)
         candidates = tuple(
-            _candidate(name, trained_on, sources[name], task)
+            _candidate(name, trained_on, sources[name], task, duo.rig)
             for name, trained_on in policies
         )
         run = Run(
@@ -334,7 +335,7 @@ class TrialsSession(RigSession):
 
 
 def _candidate(
-    name: str, trained_on: str, source: PolicySource, task: TaskInfo
+    name: str, trained_on: str, source: PolicySource, task: TaskInfo, rig: Rig
 ) -> Candidate:
     metadata = source.metadata
     usual = catalog.get(task.reference).horizon
@@ -344,6 +345,8 @@ def _candidate(
         config=EnvConfig(
             **needed_options(metadata),
             horizon=None if task.horizon == usual else task.horizon,
+            gripper=rig.gripper,
+            mount=rig.mount,
         ),
         batching=source.batching,
         trained_on=trained_on,

@@ -48,7 +48,7 @@ class Expert:
         self._script = script
         self._variety = variety
         self._task_id = task_id
-        self._kinematics = Kinematics()
+        self._kinematics = Kinematics(simulation.robot)
         self._latency = 0
         self._episode: tuple[Arms, Script] | None = None
         self.intended_action: NDArray[np.float32] | None = None

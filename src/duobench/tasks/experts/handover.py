@@ -25,7 +25,6 @@ from duobench.tasks.experts.motion import (
     release,
     wait,
 )
-from duobench.world.robot.frames import SHOULDERS
 
 _FIRM_GRIP_STEPS = 4
 """Control steps in which both arms hold the bar before one lets go."""
@@ -137,7 +136,7 @@ def pick_bar(arms: Arms, bar: Bar) -> Script:
     giver = bar.giver
     while not arms.grasps(giver, bar.body):
         pose = arms.sim.pose(bar.body)
-        x, y, _ = pose.translation - SHOULDERS[giver]
+        x, y, _ = pose.translation - arms.sim.robot.shoulders[giver]
         yaw = nearest_turn(pose.yaw, math.pi, math.atan2(y, x) + giver.sign * _OUTWARDS)
         x, y, _ = pose.translation + bar.grip * np.array(
             [math.cos(yaw), math.sin(yaw), 0.0]

@@ -39,8 +39,8 @@ ARRIVED_TURN = 0.03
 MAX_ARRIVAL_STEPS = 20
 """Control steps that a motion waits for the tool to arrive."""
 OPEN, CLOSED = 1.0, 0.0
-MAX_GRIP_STEPS = 20
-"""Control steps that a gripper waits for its fingers to come to rest."""
+GRIP_TIME = 1.2
+"""Largest time that a gripper waits for its fingers to come to rest, in whole ways of them."""
 AT_REST = 0.004
 """Change of an opening in one control step below which fingers have come to rest."""
 NEAR = 0.012
@@ -49,8 +49,18 @@ CAREFUL = 0.25
 """Mean speed in m/s of a tool that comes to an object, or brings one to its place."""
 
 
+TIPS = 0.0229
+"""Reach of fingertips beyond the tool, in metres, for which scripts are written."""
+LENGTH = 0.1722
+"""Way from the flange to the fingertips, in metres, for which they are."""
+
+
 class Arms:
-    """Both arms as a script moves them: tool targets, openings, and what the simulator shows."""
+    """Both arms as a script moves them: tool targets, openings, and what the simulator shows.
+
+    Tools of scripts have fingertips that reach `TIPS` beyond them; where a gripper's reach less,
+    its tool is led as much further along its own z.
+    """
 
     def __init__(
         self,
@@ -68,7 +78,7 @@ class Arms:
             latency: Control steps from an action to its execution.
         """
         self.sim = simulation
-        self.kinematics = kinematics or Kinematics()
+        self.kinematics = kinematics or Kinematics(simulation.robot)
         command = simulation.duo.command()
         self.joints: Array = command.joints.copy()
         """Commanded joints (2, 7) in radians."""
@@ -76,7 +86,15 @@ class Arms:
         """Commanded joints (2, 7) one step earlier, in radians."""
         self.openings: Array = command.openings.copy()
         """Commanded openings (2,), 0 closed to 1 open."""
-        self.targets: dict[Side, SE3] = dict(self.kinematics.forward(self.joints))
+        gripper = simulation.robot.gripper
+        self.deeper = TIPS - gripper.tips
+        """How much further along its z than a script's tool that of the gripper is, in metres."""
+        self.shorter = max(0.0, LENGTH - gripper.tool_offset - gripper.tips)
+        """How much nearer palm, camera and wrist come to what fingers reach into, in metres."""
+        self.targets: dict[Side, SE3] = {
+            side: self._script_tool(pose)
+            for side, pose in self.kinematics.forward(self.joints).items()
+        }
         """Tool pose that each arm is being led to, in the table frame."""
         self.variety = variety or VarietySample()
         """Variations of this episode."""
@@ -88,12 +106,20 @@ class Arms:
     def action(self) -> Array:
         """The next 16 numbers: one step of inverse kinematics towards the targets."""
         before, self.before = self.before, self.joints
-        self.joints = self.kinematics.step(self.joints, self.targets, before=before)
+        targets = self.targets
+        if self.deeper:
+            deeper = SE3.at(z=self.deeper)
+            targets = {side: target @ deeper for side, target in targets.items()}
+        self.joints = self.kinematics.step(self.joints, targets, before=before)
         return DuoCommand(joints=self.joints, openings=self.openings).flat
 
     def tcp_pose(self, side: Side) -> SE3:
         """Measured pose of a tool centre point, in the table frame."""
-        return self.sim.site_pose(tcp_name(side))
+        return self._script_tool(self.sim.site_pose(tcp_name(side)))
+
+    def _script_tool(self, tool: SE3) -> SE3:
+        """Pose of the tool of scripts where that of the gripper is."""
+        return tool @ SE3.at(z=-self.deeper) if self.deeper else tool
 
     def opening(self, side: Side) -> float:
         """Measured opening of a gripper, 0 to 1."""
@@ -283,9 +309,10 @@ def grip(
     """Bring grippers to an opening and wait until their fingers have come to rest."""
     for side in sides:
         arms.openings[side.index] = opening
-    yield from wait(3 + arms.latency)
+    gripper = arms.sim.robot.gripper
+    yield from wait(2 + gripper.hold_steps + arms.latency)
     last = np.array([arms.opening(side) for side in sides])
-    for _ in range(MAX_GRIP_STEPS):
+    for _ in range(int(GRIP_TIME * gripper.closing_steps)):
         yield
         now = np.array([arms.opening(side) for side in sides])
         if np.abs(now - last).max() < AT_REST:

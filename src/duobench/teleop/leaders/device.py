@@ -19,7 +19,7 @@ from duobench.envs.spaces import JOINT_NAMES
 from duobench.teleop.intent import Intent
 from duobench.teleop.messages import Message
 from duobench.teleop.pace import Movement
-from duobench.world.robot.frames import tcp_poses
+from duobench.world.robot.frames import ROBOT, Robot
 
 ALIGNED = 0.35
 """Largest distance in radians of a leader's joint from the robot's for an episode to begin."""
@@ -68,8 +68,8 @@ class LeaderDevice:
 
     action_mode = JOINT.name
 
-    def __init__(self, source: JointSource) -> None:
-        self._source = source
+    def __init__(self, source: JointSource, robot: Robot = ROBOT) -> None:
+        self._source, self._robot = source, robot
         self._where = np.zeros(len(JOINT_NAMES))
         self._armed: Array | None = None
         self._offset = np.zeros(len(JOINT_NAMES))
@@ -157,7 +157,7 @@ class LeaderDevice:
                 leads=False,
             )
         joints = sample[_JOINTS]
-        places = tcp_poses(joints)[:, :3].ravel()
+        places = self._robot.tcp_poses(joints)[:, :3].ravel()
         has_moved = self._movement.sees(np.concatenate([joints, places]))
         leads = has_moved or not self._is_following or self._fade > 0
         if leads and not self._is_leading:

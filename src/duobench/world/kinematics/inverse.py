@@ -6,12 +6,19 @@ pull at the joints, and DAQP solves it within each joint's bounds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from duobench.core.spatial import SE3, length, product
+from duobench.core.spatial import (
+    SE3,
+    rows_from_wxyz,
+    sum_of_products,
+    unit_quaternion,
+    wxyz_from_rows,
+)
 from duobench.core.types import (
     ARM_JOINTS,
     CONTROL_HZ,
@@ -19,8 +26,8 @@ from duobench.core.types import (
     Array,
     Side,
 )
-from duobench.world.robot.frames import LINK7_FROM_TCP, SHOULDERS
-from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.robot.frames import Robot
+from duobench.world.robot.joints import VELOCITY_LIMITS
 from duobench.world.scene.naming import tcp_name
 
 if TYPE_CHECKING:
@@ -68,38 +75,67 @@ SHORTENINGS = 5
 OPTIMAL = 1
 """Status of DAQP for a found solution."""
 
-_WRIST_IN_TOOL = LINK7_FROM_TCP.inverse().translation
 _NO_ROWS = np.zeros((0, ARM_JOINTS))
 """No limits but bounds of the joints themselves."""
 
 
 def within_reach(
+    robot: Robot,
     side: Side,
     tool: SE3,
     reach: float = REACH,
 ) -> SE3:
     """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
-    shoulder = SHOULDERS[side]
-    away = product(tool.rotation, _WRIST_IN_TOOL) + tool.translation - shoulder
-    distance = length(away)
-    excess = max(0.0, distance - reach)
-    return tool.moved(*(-excess * away / distance)) if excess else tool
+    wrist = robot.link7_from_tcp.inverse().translation.tolist()
+    shoulder = robot.shoulders[side].tolist()
+    position = tool.translation.tolist()
+    nearer = _within_reach(wrist, shoulder, tool.rotation.tolist(), position, reach)
+    return tool if nearer is position else SE3(tool.rotation, np.array(nearer))
+
+
+def _within_reach(
+    wrist: list[float],
+    shoulder: list[float],
+    rotation: list[list[float]],
+    position: list[float],
+    reach: float = REACH,
+) -> list[float]:
+    """`within_reach` in Python's floats: the position of the tool alone, the same if it is.
+
+    The wrist is given in the tool's frame, the shoulder in the table's.
+    """
+    wx, wy, wz = wrist
+    away = [
+        x * wx + y * wy + z * wz + place - origin
+        for (x, y, z), place, origin in zip(rotation, position, shoulder, strict=True)
+    ]
+    distance = math.sqrt(sum_of_products(away, away))
+    excess = distance - reach
+    if not excess > 0.0:
+        return position
+    return [
+        place + -excess * part / distance
+        for place, part in zip(position, away, strict=True)
+    ]
 
 
 class ArmKinematics:
     """Solves for the joints of one arm; holds no state between calls."""
 
-    def __init__(self, side: Side) -> None:
+    def __init__(self, side: Side, robot: Robot) -> None:
         # mink brings MuJoCo and SciPy, which joint actions do without.
         import mink
 
         from duobench.world.scene.arms import kinematic_model
 
-        model = kinematic_model(side)
+        model = kinematic_model(side, robot)
         model.jnt_range += (LIMIT_MARGIN, -LIMIT_MARGIN)
         model.jnt_range[ELBOW, 1] = STRAIGHT
         self._low, self._high = model.jnt_range.T
+        self._ends = np.array([[self._low], [self._high]])
         self._side = side
+        self._wrist = robot.link7_from_tcp.inverse().translation.tolist()
+        self._shoulder = robot.shoulders[side].tolist()
         self._configuration = mink.Configuration(model)
         self._tool = mink.FrameTask(
             tcp_name(side),
@@ -122,7 +158,7 @@ class ArmKinematics:
     def step(
         self,
         joints: Array,
-        targets: Sequence[SE3],
+        poses: Sequence[Array],
         dt: float,
         posture: Array,
         before: Array | None,
@@ -130,9 +166,18 @@ class ArmKinematics:
         """Joint targets (n, 7) for the steps of n arms towards a tool pose each.
 
         What each gets does not depend on the others; see `Kinematics.step`.
+
+        Args:
+            joints: Where the arms are (n, 7), in radians.
+            poses: A pose (7,) for each, within its reach, as `mink` takes them: w x y z, x y z.
+            dt: Duration of the step in seconds.
+            posture: Joint positions (7,) that the redundant joint is attracted to.
+            before: Where the arms were one step earlier (n, 7), if it counts.
         """
+        import mink
+
         start = np.minimum(np.maximum(joints, self._low), self._high)
-        goals = [self._goal(target) for target in targets]
+        goals = [mink.SE3(pose) for pose in poses]
         errors = np.empty((len(goals), len(self._cost)))
         jacobians = np.empty((*errors.shape, ARM_JOINTS))
         for row, goal in enumerate(goals):
@@ -161,12 +206,10 @@ class ArmKinematics:
         moved[rows] = start[rows]
         return moved
 
-    def _goal(self, target: SE3) -> mink.SE3:
-        """A tool pose, within reach, as `mink` takes it."""
-        import mink
-
-        goal = within_reach(self._side, target)
-        return mink.SE3(np.concatenate([goal.wxyz, goal.translation]))
+    def goal(self, rotation: list[list[float]], position: list[float]) -> Array:
+        """A tool pose within reach as `mink` takes it (7,): quaternion w x y z, and position."""
+        nearer = _within_reach(self._wrist, self._shoulder, rotation, position)
+        return np.array([*wxyz_from_rows(rotation), *nearer])
 
     def _error(self, joints: Array, goal: mink.SE3) -> Array:
         """Error (6,) of the tool at joint positions (7,), to which the model is brought."""
@@ -194,7 +237,7 @@ class ArmKinematics:
             linear -= INERTIA_COST**2 * last
         hessians = jacobians.swapaxes(1, 2) @ jacobians
         damping = pull + DAMPING + LM_DAMPING * np.vecdot(errors, errors)
-        diagonals = hessians.reshape(len(start), -1)[:, :: ARM_JOINTS + 1]
+        diagonals = hessians.reshape(-1, ARM_JOINTS**2)[:, :: ARM_JOINTS + 1]
         diagonals += damping[:, None]
         low, high = self._bounds(start, dt, last)
         changes = np.zeros(start.shape)
@@ -210,8 +253,8 @@ class ArmKinematics:
     ) -> tuple[Array, Array]:
         """Bounds of each joint's motion in a step: range, speed, and change of speed."""
         most = self._speeds * dt
-        low = np.maximum(-most, LIMIT_GAIN * (self._low - start))
-        high = np.minimum(most, LIMIT_GAIN * (self._high - start))
+        ways = LIMIT_GAIN * (self._ends - start)
+        low, high = np.minimum(np.maximum(-most, ways), most)
         if last is None:
             return low, high
         slowest, fastest = last - MAX_CHANGE, last + MAX_CHANGE
@@ -230,8 +273,10 @@ def _objective(tools: Array, from_posture: Array) -> Array:
 class Kinematics:
     """Solves for joint targets that bring the tools towards poses; holds no state between calls."""
 
-    def __init__(self) -> None:
-        self._arms = {side: ArmKinematics(side) for side in SIDES}
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        """Arms whose joints it solves for."""
+        self._arms = {side: ArmKinematics(side, robot) for side in SIDES}
 
     def forward(self, joints: Array) -> dict[Side, SE3]:
         """Tool poses in the table frame at joint positions (2, 7)."""
@@ -243,7 +288,7 @@ class Kinematics:
         targets: Mapping[Side, SE3],
         *,
         dt: float = 1.0 / CONTROL_HZ,
-        posture: Array = HOME_JOINTS,
+        posture: Array | None = None,
         before: Array | None = None,
     ) -> Array:
         """One step towards tool poses, within joint ranges and velocity limits.
@@ -257,42 +302,55 @@ class Kinematics:
                 keep to, an arm starts at the nearest position within.
             targets: Tool pose wanted for each side; a side that is missing stays.
             dt: Duration of the step in seconds.
-            posture: Joint positions (2, 7) that the redundant joint is attracted to.
+            posture: Joint positions (2, 7) that the redundant joint is attracted to; home where
+                none are given.
             before: Where the arms were one step earlier (2, 7), in radians.
 
         Returns:
             Joint targets (2, 7), whole multiples of 1 / `GRID` for the sides that have a target.
         """
-        return self.step_all(
-            np.asarray(joints)[None],
-            {side: [target] for side, target in targets.items()},
-            dt=dt,
-            posture=posture,
-            before=None if before is None else before[None],
-        )[0]
+        goals = {
+            side: [
+                self._arms[side].goal(pose.rotation.tolist(), pose.translation.tolist())
+            ]
+            for side, pose in targets.items()
+        }
+        posture = self.robot.home if posture is None else posture
+        start = np.array(joints, dtype=np.float64)[None]
+        earlier = None if before is None else before[None]
+        return self._step(start, goals, dt, posture, earlier)[0]
 
-    def step_all(
+    def step_all(self, joints: Array, poses: Array) -> Array:
+        """`step` of n robots at once, from (n, 2, 7), towards poses (n, 2, 7) x y z qx qy qz qw."""
+        goals: dict[Side, list[Array]] = {}
+        for side in SIDES:
+            goals[side] = []
+            for x, y, z, qx, qy, qz, qw in poses[:, side.index].tolist():
+                rotation = rows_from_wxyz(unit_quaternion((qw, qx, qy, qz)))
+                goals[side].append(self._arms[side].goal(rotation, [x, y, z]))
+        start = np.array(joints, dtype=np.float64)
+        return self._step(start, goals, 1.0 / CONTROL_HZ, self.robot.home, None)
+
+    def _step(
         self,
         joints: Array,
-        targets: Mapping[Side, Sequence[SE3]],
-        *,
-        dt: float = 1.0 / CONTROL_HZ,
-        posture: Array = HOME_JOINTS,
-        before: Array | None = None,
+        goals: Mapping[Side, Sequence[Array]],
+        dt: float,
+        posture: Array,
+        before: Array | None,
     ) -> Array:
-        """`step` of n robots at once (n, 2, 7), each with a target for each side that has some."""
-        result = np.array(joints, dtype=np.float64)
-        for side, goals in targets.items():
+        """Joint targets for n robots, written over where they are (n, 2, 7)."""
+        for side, poses in goals.items():
             row = side.index
             solutions = self._arms[side].step(
-                result[:, row],
-                goals,
+                joints[:, row],
+                poses,
                 dt,
                 posture[row],
                 None if before is None else before[:, row],
             )
-            result[:, row] = np.rint(solutions * GRID) / GRID
-        return result
+            joints[:, row] = np.rint(solutions * GRID) / GRID
+        return joints
 
     def solve(
         self,

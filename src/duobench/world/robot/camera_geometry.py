@@ -12,24 +12,27 @@ from duobench.core.errors import OptionError, check_known
 from duobench.core.spatial import SE3
 from duobench.core.types import Array, Side
 from duobench.world.robot.cameras import (
-    CAMERAS,
     MUJOCO_FROM_OPENCV,
     NATIVE_HEIGHT,
     NATIVE_WIDTH,
     Camera,
     RobotCamera,
+    cameras_with,
 )
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.gripper import DEFAULT_GRIPPER, GRIPPERS, Gripper
 
 NO_OFFSETS: Mapping[str, tuple[SE3, float]] = {}
 
 
-def named(camera: Any) -> RobotCamera | Camera:
+def named(
+    camera: Any, gripper: Gripper = GRIPPERS[DEFAULT_GRIPPER]
+) -> RobotCamera | Camera:
     """The description of a camera of the robot by its name; one of one's own as it is."""
+    cameras = cameras_with(gripper)
     if isinstance(camera, Camera):
         return camera
-    check_known("camera", camera, CAMERAS)
-    return CAMERAS[camera]
+    check_known("camera", camera, cameras)
+    return cameras[camera]
 
 
 def matrix_of(camera: RobotCamera | Camera, size: tuple[int, int]) -> Array:
@@ -44,19 +47,20 @@ def matrix_of(camera: RobotCamera | Camera, size: tuple[int, int]) -> Array:
     return np.array([[across, 0, middle[0]], [0, down, middle[1]], [0, 0, 1]])
 
 
-def mount_pose(arm: Side | None, tcp_poses: Array) -> SE3:
+def mount_pose(arm: Side | None, tcp_poses: Array, gripper: Gripper) -> SE3:
     """Pose in the table frame of what a camera is on: the table, or the flange of an arm.
 
     The tool poses (2, 7) are those of a `DuoState`.
     """
     if arm is None:
         return SE3()
-    return SE3.from_tquat(tcp_poses[arm.index]) @ SE3.at(z=-GRIPPER.tool_offset)
+    return SE3.from_tquat(tcp_poses[arm.index]) @ SE3.at(z=-gripper.tool_offset)
 
 
 def geometries(
     sizes: Sizes,
     tcp_poses: Array,
+    gripper: Gripper,
     offsets: Mapping[str, tuple[SE3, float]] = NO_OFFSETS,
 ) -> dict[str, CameraGeometry]:
     """Lens and place of each camera where the tools are, by name.
@@ -64,17 +68,18 @@ def geometries(
     Args:
         sizes: Height and width of the images of each.
         tcp_poses: Tool poses (2, 7), those of a `DuoState`.
+        gripper: Gripper on the arms.
         offsets: Of cameras that were moved, the pose in the nominal one, with MuJoCo's axes, and
             the radians that are added to the vertical field of view.
     """
     found = {}
     for key, size in sizes.items():
-        camera = named(key)
+        camera = named(key, gripper)
         moved, angle = offsets.get(camera.name, (SE3(), 0.0))
         matrix = matrix_of(camera, size)
         half = math.atan(size[0] / 2 / matrix[1, 1])
         matrix[[0, 1], [0, 1]] *= math.tan(half) / math.tan(half + angle / 2)
-        pose = mount_pose(camera.arm, tcp_poses) @ camera.pose @ moved
+        pose = mount_pose(camera.arm, tcp_poses, gripper) @ camera.pose @ moved
         found[camera.name] = geometry(matrix, pose)
     return found
 

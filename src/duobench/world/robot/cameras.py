@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from duobench.core.types import (
     as_several,
     as_size,
 )
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.gripper import DEFAULT_GRIPPER, GRIPPERS, Gripper
 from duobench.world.robot.workcell import (
     FLOOR_Z,
     ROOM_HEIGHT,
@@ -43,8 +44,6 @@ HEAD_POSITION = (0.0113, 0.001, 0.695)
 """Left lens of the ZED Mini in the table frame, in metres [manufacturer's camera holder]."""
 HEAD_PITCH = math.radians(41.0)
 """Angle of the head camera below the horizontal."""
-WRIST_POSITION = (0.050, 0.0, 0.067)
-"""Wrist camera in the flange frame, in metres [manufacturer's camera mount]."""
 WRIST_TILT = math.radians(20.0)
 """Tilt of a wrist camera from the flange's z towards the fingertips."""
 OVERVIEW = "overview"
@@ -141,14 +140,14 @@ _HEAD = RobotCamera(
 )
 
 
-def _wrist(side: Side) -> RobotCamera:
+def _wrist(side: Side, gripper: Gripper) -> RobotCamera:
     """Describe the camera on an arm's wrist, which is the same on both arms."""
     return RobotCamera(
         name=wrist_name(side),
         kind=D405,
         arm=side,
         pose=looking(
-            np.array(WRIST_POSITION),
+            np.array(gripper.camera),
             np.array([-math.sin(WRIST_TILT), 0.0, math.cos(WRIST_TILT)]),
             np.array([1.0, 0.0, 0.0]),
         ),
@@ -156,14 +155,19 @@ def _wrist(side: Side) -> RobotCamera:
     )
 
 
-CAMERAS: Mapping[str, RobotCamera] = {
-    camera.name: camera for camera in (_HEAD, *map(_wrist, SIDES))
-}
-"""The cameras of the robot by their names."""
+@cache
+def cameras_with(gripper: Gripper) -> Mapping[str, RobotCamera]:
+    """The cameras of the robot by their names, those of the wrists where a gripper has them."""
+    cameras = (_HEAD, *(_wrist(side, gripper) for side in SIDES))
+    return {camera.name: camera for camera in cameras}
+
+
+CAMERAS = cameras_with(GRIPPERS[DEFAULT_GRIPPER])
+"""The cameras of the robot by their names; with another gripper, wrists are elsewhere."""
 POLICY_CAMERAS = tuple(CAMERAS)
 """The cameras that a policy may see, and sees if nothing else is said."""
 ON_TABLE = "table"
-MOUNTS: Mapping[str, Side | None] = {
+FRAMES: Mapping[str, Side | None] = {
     ON_TABLE: None,
     **{f"{side}_flange": side for side in SIDES},
 }
@@ -214,7 +218,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         _check_name(self.name)
-        check_known(f"frame of camera {self.name!r}", self.on, MOUNTS)
+        check_known(f"frame of camera {self.name!r}", self.on, FRAMES)
         for name in ("position", "look_at"):
             object.__setattr__(self, name, self._point(name))
         eye, target = np.array(self.position), np.array(self.look_at)
@@ -244,7 +248,7 @@ class Camera:
     @property
     def arm(self) -> Side | None:
         """The arm that it moves with, on whose flange it is; None for one that stands still."""
-        return MOUNTS[self.on]
+        return FRAMES[self.on]
 
     @property
     def pose(self) -> SE3:
@@ -366,7 +370,9 @@ MUJOCO_FROM_OPENCV = SE3(np.diag([1.0, -1.0, -1.0]))
 """A camera with OpenCV's axes (x right, y down, z forwards) in one with MuJoCo's."""
 
 
-def describe_cameras() -> dict[str, dict[str, Any]]:
+def describe_cameras(
+    gripper: Gripper = GRIPPERS[DEFAULT_GRIPPER],
+) -> dict[str, dict[str, Any]]:
     """Lenses and mounts of the policy's cameras, as plain JSON data in OpenCV's convention.
 
     They are nominal: a look may move a camera or change its field of view (`Look.cameras`), and
@@ -389,16 +395,19 @@ def describe_cameras() -> dict[str, dict[str, Any]]:
         >>> describe_cameras()["head"]["frame"]
         'table'
     """
-    return {name: _describe(camera) for name, camera in CAMERAS.items()}
+    return {
+        name: _describe(camera, gripper)
+        for name, camera in cameras_with(gripper).items()
+    }
 
 
-def _describe(camera: RobotCamera) -> dict[str, Any]:
+def _describe(camera: RobotCamera, gripper: Gripper) -> dict[str, Any]:
     height, width = camera.size
     middle = (width - 1) / 2, (height - 1) / 2
     frame, pose = "table", camera.pose
     if camera.arm is not None:
         frame = f"{camera.arm}_tool"
-        pose = SE3.at(z=-GRIPPER.tool_offset) @ pose
+        pose = SE3.at(z=-gripper.tool_offset) @ pose
     frame_from_camera = pose @ MUJOCO_FROM_OPENCV
     matrix = np.eye(4)
     matrix[:3, :3] = frame_from_camera.rotation

@@ -2,16 +2,13 @@
 
 import mujoco
 
+from duobench.core.references import load
 from duobench.core.types import ARM_JOINTS, SIDES, Side
 from duobench.world.robot.fr3_links import LINKS, WHITE, Joint
 from duobench.world.robot.frames import (
-    BASE_POSES,
-    FLANGE_OFFSET,
-    LINK7_FROM_FLANGE,
-    LINK7_FROM_TCP,
+    Robot,
 )
 from duobench.world.scene.cameras import add_cameras
-from duobench.world.scene.gripper import add_gripper
 from duobench.world.scene.meshes import add_link, add_mesh
 from duobench.world.scene.naming import arm_joint_names, flange_name, tcp_name
 from duobench.world.scene.surfaces import (
@@ -30,27 +27,30 @@ _STOPPERS = ("link3_1", "link4_1", "link5_2", "link6_6")
 fall in. All other trim lies on the shells."""
 
 
-def add_robot(spec: mujoco.MjSpec) -> None:
+def add_robot(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Add both arms with grippers and wrist cameras to a model under construction."""
+    add_gripper = load(robot.gripper.model, "model of a gripper", callable)
     for side in SIDES:
-        bodies = _add_kinematics(spec, side)
+        bodies = _add_kinematics(spec, side, robot)
         _add_geometry(spec, side, bodies)
-        add_gripper(spec, side, bodies[-1], FLANGE_OFFSET)
-        add_cameras(bodies[-1], side, LINK7_FROM_FLANGE)
+        add_gripper(spec, robot.gripper, side, bodies[-1], robot.link7_from_flange)
+        add_cameras(bodies[-1], robot.gripper, side, robot.link7_from_flange)
 
 
-def kinematic_model(side: Side) -> mujoco.MjModel:
+def kinematic_model(side: Side, robot: Robot) -> mujoco.MjModel:
     """One arm alone: 7 joints, flange and tool sites, no geometry, no gripper.
 
     Inverse kinematics solves on this model, so its cost does not grow with the scene.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    _add_kinematics(spec, side)
+    _add_kinematics(spec, side, robot)
     return spec.compile()
 
 
-def _add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
+def _add_kinematics(
+    spec: mujoco.MjSpec, side: Side, robot: Robot
+) -> list[mujoco.MjsBody]:
     """Add bodies, joints, servos and sites of one arm, no geometry; return link 0 to link 7."""
     bodies: list[mujoco.MjsBody] = []
     for number, link in enumerate(LINKS):
@@ -58,14 +58,16 @@ def _add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
         bodies.append(add_link(parent, f"{side}/link{number}", link))
         if link.joint is not None:
             _add_joint(spec, bodies[-1], arm_joint_names(side)[number - 1], link.joint)
-    bodies[0].pos, bodies[0].quat = BASE_POSES[side].translation, BASE_POSES[side].wxyz
+    base = robot.mount.bases[side]
+    bodies[0].pos, bodies[0].quat = base.translation, base.wxyz
     for name, pose in (
-        (flange_name(side), LINK7_FROM_FLANGE),
-        (tcp_name(side), LINK7_FROM_TCP),
+        (flange_name(side), robot.link7_from_flange),
+        (tcp_name(side), robot.link7_from_tcp),
     ):
         bodies[-1].add_site(
             name=name,
             pos=pose.translation,
+            quat=pose.wxyz,
             size=[0.001] * 3,
             group=4,
         )

@@ -5,13 +5,14 @@ import mujoco
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
 from duobench.world.robot.cameras import (
-    CAMERAS,
     D405,
     OVERVIEW,
     ZED_MINI,
     RobotCamera,
     View,
+    cameras_with,
 )
+from duobench.world.robot.gripper import Gripper
 from duobench.world.robot.stereo import D405_BASELINE, ZED_BASELINE
 from duobench.world.scene.surfaces import (
     DISTAL,
@@ -29,14 +30,17 @@ _LENS = (0.16, 0.18, 0.24, 1.0)
 
 
 def add_cameras(
-    body: mujoco.MjsBody, arm: Side | None = None, body_from_mount: SE3 | None = None
+    body: mujoco.MjsBody,
+    gripper: Gripper,
+    arm: Side | None = None,
+    body_from_mount: SE3 | None = None,
 ) -> None:
     """Add the cameras of an arm, or those that stand still, with their housings.
 
     The arm's flange, or the table frame, has a pose in the body's frame.
     """
     mount = body_from_mount or SE3()
-    for camera in CAMERAS.values():
+    for camera in cameras_with(gripper).values():
         if camera.arm is not arm:
             continue
         pose = mount @ camera.pose
@@ -50,12 +54,15 @@ def add_cameras(
             focal_length=(camera.focal * _PIXEL, camera.focal * _PIXEL),
         )
         group = CollisionGroup.FIXTURE if arm is None else DISTAL[arm]
-        for part in _HOUSINGS[camera.kind](body, camera, mount):
+        for part in _HOUSINGS[camera.kind](body, camera, mount, gripper):
             collide_as_metal(part, group)
 
 
 def _zed_mini(
-    body: mujoco.MjsBody, camera: RobotCamera, mount: SE3
+    body: mujoco.MjsBody,
+    camera: RobotCamera,
+    mount: SE3,
+    _gripper: Gripper,
 ) -> tuple[mujoco.MjsGeom, ...]:
     """Add the housing (124 x 30 x 26 mm) of a ZED Mini and its lenses; return what collides."""
     pose = mount @ camera.pose
@@ -71,7 +78,7 @@ def _zed_mini(
 
 
 def _d405(
-    body: mujoco.MjsBody, camera: RobotCamera, mount: SE3
+    body: mujoco.MjsBody, camera: RobotCamera, mount: SE3, gripper: Gripper
 ) -> tuple[mujoco.MjsGeom, ...]:
     """Add a RealSense D405 (42 x 42 x 23 mm) and its bracket; return what collides."""
     pose = mount @ camera.pose
@@ -81,7 +88,7 @@ def _d405(
     add_box(body, pose @ SE3.at(0.0, 0.0, 0.001), (0.038, 0.030, 0.0012), _GLASS)
     for x in (-D405_BASELINE / 2, D405_BASELINE / 2):
         add_box(body, pose @ SE3.at(x, 0.0, 0.0008), (0.007, 0.007, 0.0012), _LENS)
-    at = mount @ SE3.at(0.046, 0.0, 0.020)
+    at = mount @ SE3.at(*gripper.bracket)
     bracket = add_box(body, at, (0.008, 0.032, 0.052), _HOUSING)
     return housing, bracket
 

@@ -24,6 +24,7 @@ from duobench.world.robot.cameras import (
     OVERVIEW_VIEW,
     View,
 )
+from duobench.world.robot.frames import ROBOT, Robot
 from duobench.world.robot.workcell import (
     FLOOR_Z,
     ROOM_HEIGHT,
@@ -79,7 +80,9 @@ _OPTIONS = f"""
 
 
 def compose(
-    props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW
+    props: Iterable[Prop] = (),
+    overview: View = OVERVIEW_VIEW,
+    robot: Robot = ROBOT,
 ) -> mujoco.MjSpec:
     """The model's specification with a task's objects, each of which has a unique name.
 
@@ -88,9 +91,9 @@ def compose(
     """
     _check_in_room(overview)
     spec = mujoco.MjSpec.from_string(_OPTIONS)
-    add_workcell(spec)
-    add_robot(spec)
-    add_cameras(spec.worldbody)
+    add_workcell(spec, robot.mount)
+    add_robot(spec, robot)
+    add_cameras(spec.worldbody, robot.gripper)
     add_overview_camera(spec.worldbody, overview)
     names = {body.name for body in spec.bodies}
     for prop in props:

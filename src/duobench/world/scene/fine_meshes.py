@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from duobench.core.spatial import SE3
 from duobench.world.objects.shapes import Colour
-from duobench.world.robot.gripper import GRIPPER
 from duobench.world.scene.meshes import POINTS_PER_METRE, check_intact, shipped
 from duobench.world.scene.surfaces import visual_only
 
@@ -30,6 +29,8 @@ NORMAL_STEPS = 1000
 """Steps of one component of a normal, which are kept as whole numbers."""
 PAD = "pad"
 """Image of a pad: of the boxes that grasp, which no classic image shows."""
+_PADS = ("left_pad", "right_pad")
+"""Bodies whose first geom it shows."""
 
 Floats = NDArray[np.float32]
 
@@ -188,7 +189,7 @@ def _image(model: mujoco.MjModel, geom: int) -> tuple[str, SE3]:
     """Name of the image of a geom, and the pose of the geom in its frame."""
     body = int(model.geom_bodyid[geom])
     name = model.body(body).name.rpartition("/")[2]
-    if name in GRIPPER.pads and model.body_geomadr[body] == geom:
+    if name in _PADS and model.body_geomadr[body] == geom:
         return PAD, SE3()
     asset = int(model.geom_dataid[geom])
     if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH or asset < 0:

@@ -1,7 +1,7 @@
 """Names inside the compiled model, in one place: `left/joint1`, `right/tcp`, `chest/lid`."""
 
 from duobench.core.types import ARM_JOINTS, Side
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.gripper import Gripper
 
 TABLE = "table"
 """Body of the table top."""
@@ -30,11 +30,11 @@ def gripper_name(side: Side) -> str:
     return f"{side}/gripper"
 
 
-def drive_names(side: Side) -> tuple[str, ...]:
+def drive_names(side: Side, gripper: Gripper) -> tuple[str, ...]:
     """Joints of one gripper that its actuator moves."""
-    return tuple(f"{gripper_name(side)}/{name}" for name in GRIPPER.drives)
+    return tuple(f"{gripper_name(side)}/{name}" for name in gripper.drives)
 
 
-def pad_names(side: Side) -> tuple[str, ...]:
+def pad_names(side: Side, gripper: Gripper) -> tuple[str, ...]:
     """The two pad bodies of one gripper."""
-    return tuple(f"{gripper_name(side)}/{name}" for name in GRIPPER.pads)
+    return tuple(f"{gripper_name(side)}/{name}" for name in gripper.pads)

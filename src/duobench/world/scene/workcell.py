@@ -1,5 +1,7 @@
 """The workcell around the robot: table, pedestal, mount, camera post, room and lights."""
 
+from collections.abc import Callable
+from functools import partial
 from itertools import product
 
 import mujoco
@@ -11,7 +13,7 @@ from duobench.world.objects.segmentation import MOUNT, ROOM, TABLE as TABLE_PART
 from duobench.world.objects.shapes import Colour, hull
 from duobench.world.objects.solid import manifold_of, mesh_of
 from duobench.world.robot.cameras import HEAD_POSITION
-from duobench.world.robot.frames import BASE_POSES
+from duobench.world.robot.mounts import DEFAULT_MOUNT, MOUNTS, Mount
 from duobench.world.robot.workcell import (
     FLOOR_Z,
     ROOM_HEIGHT,
@@ -59,9 +61,9 @@ _BASE_OUTLINE = (
 """Half of the underside of an arm's base, in its frame, in metres [mesh of link 0]."""
 
 
-def add_workcell(spec: mujoco.MjSpec) -> None:
+def add_workcell(spec: mujoco.MjSpec, mount: Mount) -> None:
     """Add everything that stands still around the robot."""
-    for add in _BUILDERS.values():
+    for add in _builders(mount).values():
         add(spec)
     _add_lights(spec)
 
@@ -69,12 +71,12 @@ def add_workcell(spec: mujoco.MjSpec) -> None:
 def world_parts() -> list[str]:
     """Part of the workcell that each geom of the world's body is of, in their order.
 
-    Those of the cameras come after them. Names of geoms would be part of the model, which stays
-    what it is to the bit.
+    They are the same on all mounts, and those of the cameras come after them. Names of geoms would
+    be part of the model, which stays what it is to the bit.
     """
     spec = mujoco.MjSpec()
     parts: list[str] = []
-    for part, add in _BUILDERS.items():
+    for part, add in _builders(MOUNTS[DEFAULT_MOUNT]).items():
         add(spec)
         parts += [part] * (len(spec.worldbody.geoms) - len(parts))
     return parts
@@ -219,7 +221,7 @@ def _add_table(spec: mujoco.MjSpec) -> None:
         )
 
 
-def _add_mount(spec: mujoco.MjSpec) -> None:
+def _add_mount(spec: mujoco.MjSpec, mount: Mount) -> None:
     """The column, the block whose two faces carry the arms, and the post of the head camera."""
     world = spec.worldbody
     length, width, height = PEDESTAL_SIZE
@@ -227,7 +229,7 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
     plate = SE3.at(PEDESTAL_X, 0.0, 0.0075)
     add_box(world, plate, (length + 0.1, width + 0.1, 0.015), _ALUMINIUM)
     outline = np.array([(x, s * y, -0.0005) for x, y in _BASE_OUTLINE for s in (1, -1)])
-    faces = [pose.apply(outline) for pose in BASE_POSES.values()]
+    faces = [pose.apply(outline) for pose in mount.bases.values()]
     foot = [
         (PEDESTAL_X + s * (length / 2 + 0.005), t * (width / 2 + 0.005), 0.17)
         for s in (1, -1)
@@ -254,8 +256,13 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
         collide_as_metal(part, CollisionGroup.FIXTURE)
 
 
-_BUILDERS = {ROOM: _add_room, TABLE_PART: _add_table, MOUNT: _add_mount}
-"""Builders of the parts, by their names in a segmentation."""
+def _builders(mount: Mount) -> dict[str, Callable[[mujoco.MjSpec], None]]:
+    """Builders of the parts, by their names in a segmentation."""
+    return {
+        ROOM: _add_room,
+        TABLE_PART: _add_table,
+        MOUNT: partial(_add_mount, mount=mount),
+    }
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:

@@ -18,10 +18,11 @@ from duobench.core.backend import (
     Wanted,
 )
 from duobench.core.spatial import SE3, rotation_by
-from duobench.core.types import Array, DuoCommand, DuoState
+from duobench.core.types import CONTROL_HZ, Array, DuoCommand, DuoState
 from duobench.world.looks.look import Look
 from duobench.world.objects.segmentation import segmentation_ids
 from duobench.world.robot.camera_geometry import geometries
+from duobench.world.robot.frames import Robot
 from duobench.world.robot.joints import RANGE_MARGIN, SERVO_LAG, duo_limits
 from duobench.world.sim.appearance import Appearance
 from duobench.world.sim.rendering import Renderer
@@ -78,6 +79,11 @@ class SimBackend:
         return {}
 
     @property
+    def robot(self) -> Robot:
+        """Description of the arms."""
+        return self.simulation.robot
+
+    @property
     def limits(self) -> DuoLimits:
         """Limits of the arms."""
         return self.simulation.duo.limits
@@ -103,13 +109,17 @@ class SimBackend:
     def command(self, command: DuoCommand) -> DuoCommand:
         """Advance one control step towards a command, limited where the arms keep slower limits.
 
-        While the arms are held, they stay at the last one.
+        While the arms are held, they stay at the last one, and between the steps in which grippers
+        take a target, they keep theirs.
         """
         if self._held is not None:
             command = self.last_command
         elif self._slower is not None:
             duo = self.simulation.duo
             command = DuoCommand.from_flat(duo.clipped(command.flat, self._slower))
+        if not self.robot.gripper.takes_target(round(self.time * CONTROL_HZ)):
+            openings = self.last_command.openings
+            command = DuoCommand(joints=command.joints, openings=openings)
         self.simulation.advance(command)
         return command
 
@@ -168,7 +178,7 @@ class SimBackend:
             )
             for name, offset in self._look.cameras.items()
         }
-        return geometries(sizes, self.read().tcp_poses, offsets)
+        return geometries(sizes, self.read().tcp_poses, self.robot.gripper, offsets)
 
     def close(self) -> None:
         """Free the renderers."""

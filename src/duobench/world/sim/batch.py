@@ -9,7 +9,6 @@ import numpy as np
 
 from duobench.core.types import ARM_JOINTS, SIDES, Array
 from duobench.world.sim.contact_table import ContactTable, Integers
-from duobench.world.sim.duo import CLOSED_BY_ANGLE, commands_of
 from duobench.world.sim.questions import Questions
 from duobench.world.sim.simulation import Simulation
 
@@ -31,7 +30,7 @@ class SimulationBatch(Questions):
     ) -> None:
         super().__init__(simulation.props, simulation.model, data)
         self.simulation, self.count = simulation, count
-        self.contacts = ContactTable(simulation.model, count)
+        self.contacts = ContactTable(simulation.model, count, simulation.robot.gripper)
         self.centres, self._ctrl = data.xipos, data.ctrl
         self._tool_frames = data.site_xpos, data.site_xmat
         self._variants: list[Mapping[str, str]] = [{}] * count
@@ -106,7 +105,8 @@ class SimulationBatch(Questions):
 
     def commands(self) -> Array:
         """The last commands (n, 16), as the actuators hold them."""
-        return commands_of(self._ctrl[:, self.simulation.duo.actuators])
+        duo = self.simulation.duo
+        return duo.commands_of(self._ctrl[:, duo.actuators])
 
     def proprioception(self) -> Array:
         """Joint positions and openings (n, 16), as `Duo.read` gives them."""
@@ -114,7 +114,7 @@ class SimulationBatch(Questions):
         flat = np.empty((self.count, len(SIDES), ARM_JOINTS + 1))
         flat[..., :ARM_JOINTS] = self._qpos[:, duo.joints]
         drivers = self._qpos[:, duo.drivers]
-        openings = 1.0 - (drivers[:, ::2] + drivers[:, 1::2]) * CLOSED_BY_ANGLE
+        openings = duo.opening_at(drivers[:, ::2] + drivers[:, 1::2])
         flat[..., ARM_JOINTS] = np.minimum(np.maximum(openings, 0.0), 1.0)
         return flat.reshape(self.count, -1)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from duobench.core.spatial import sum_of_products
 from duobench.core.types import SIDES, Array, Side
+from duobench.world.robot.gripper import Gripper
 from duobench.world.sim.contacts import (
     MIN_LEVER,
     MIN_PRESS_COSINE,
@@ -29,8 +30,8 @@ Integers = NDArray[np.intp]
 class ContactTable(ContactOwners):
     """The questions of `Contacts` about n simulations, but for gaps and forces: (n,) each."""
 
-    def __init__(self, model: mujoco.MjModel, count: int) -> None:
-        super().__init__(model)
+    def __init__(self, model: mujoco.MjModel, count: int, gripper: Gripper) -> None:
+        super().__init__(model, gripper)
         self._of_geom, rows = np.array(self._owners), len(self._index)
         self._touching, self._presses = np.zeros((2, rows, rows, count), dtype=bool)
         """Whether two owners touch; and whether a finger presses on one, towards the other."""

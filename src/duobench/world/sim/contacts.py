@@ -17,7 +17,7 @@ import numpy as np
 from duobench.core.errors import Named
 from duobench.core.spatial import dot, length, sum_of_products
 from duobench.core.types import SIDES, Side
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.gripper import Gripper
 from duobench.world.scene.naming import gripper_name, pad_names
 
 if TYPE_CHECKING:
@@ -105,17 +105,17 @@ class Touch(NamedTuple):
     """Whether it also is while one of them does, since nothing else is asked."""
 
 
-_FINGERS = dict(
-    zip(GRIPPER.fingers, (Limb.LEFT_FINGER, Limb.RIGHT_FINGER), strict=True)
-)
+_FINGERS = (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)
 
 
-def _owner_of_body(name: str) -> str:
+def _owner_of_body(name: str, gripper: Gripper) -> str:
     for side in SIDES:
-        gripper = f"{gripper_name(side)}/"
-        if name.startswith(gripper):
-            finger = GRIPPER.finger_of(name.removeprefix(gripper))
-            return limb_owner(side, Limb.PALM if finger is None else _FINGERS[finger])
+        prefix = f"{gripper_name(side)}/"
+        if name.startswith(prefix):
+            finger = gripper.finger_of(name.removeprefix(prefix))
+            if finger is None:
+                return limb_owner(side, Limb.PALM)
+            return limb_owner(side, _FINGERS[gripper.fingers.index(finger)])
         if name.startswith(f"{side}/"):
             return limb_owner(side, Limb.ARM)
     return name
@@ -127,11 +127,11 @@ class ContactOwners(ABC):
     All raise `UnknownNameError` where there is no such owner.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, gripper: Gripper) -> None:
         self._index = Named[int]("contact owner")
         bodies = (model.body(body).name for body in model.geom_bodyid)
         self._owners = [
-            self._index.setdefault(_owner_of_body(body), len(self._index))
+            self._index.setdefault(_owner_of_body(body, gripper), len(self._index))
             for body in bodies
         ]
         """Row of each geom's owner."""
@@ -148,7 +148,8 @@ class ContactOwners(ABC):
             [row for rows in self._limbs.values() for row in rows[:-1]]
         )
         self._pad_bodies = {
-            side: [model.body(name).id for name in pad_names(side)] for side in SIDES
+            side: [model.body(name).id for name in pad_names(side, gripper)]
+            for side in SIDES
         }
 
     @property
@@ -184,8 +185,11 @@ class ContactOwners(ABC):
 class Contacts(ContactOwners):
     """Contact questions about one model and its data."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        super().__init__(model)
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, gripper: Gripper
+    ) -> None:
+        super().__init__(model, gripper)
+        self._reach = gripper.reach
         self._data = data
         # A group of owners is a number whose binary digits are its rows.
         self._partners = [0] * len(self._index)
@@ -344,7 +348,7 @@ class Contacts(ContactOwners):
         ends = np.zeros(6)
         pad = self._pads[side][0].tolist()
         for other in self._solids.get(self._index[owner], ()):
-            furthest = float(model.geom_rbound[other]) + GRIPPER.reach + distance
+            furthest = float(model.geom_rbound[other]) + self._reach + distance
             if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
                 continue
             for one in self._hand_geoms[side]:

@@ -1,6 +1,7 @@
 """The two arms in simulation: commands in, state out; and names to ids, once, when it is built."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,8 +15,8 @@ from duobench.core.types import (
     DuoCommand,
     DuoState,
 )
-from duobench.world.robot.gripper import GRIPPER
-from duobench.world.robot.joints import HOME_JOINTS, SERVO_LAG, duo_limits
+from duobench.world.robot.frames import Robot
+from duobench.world.robot.joints import SERVO_LAG, duo_limits
 from duobench.world.scene.compose import SUBSTEPS
 from duobench.world.scene.naming import (
     arm_joint_names,
@@ -51,11 +52,6 @@ def resolve(
     return number
 
 
-HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
-"""Both arms at home, both grippers open."""
-
-CLOSED_BY_ANGLE = 0.5 / GRIPPER.drive_closed
-"""Closed share of a gripper, 0 to 1, by the sum of the angles of its two joints in radians."""
 _OPENINGS = np.array(OPENING_SLOTS)
 _FRACTIONS = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
 
@@ -63,12 +59,21 @@ _FRACTIONS = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
 class Duo:
     """Translates between flat commands and the engine's arrays of one model."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, robot: Robot
+    ) -> None:
+        self.robot = robot
+        """Description of the arms."""
+        self._closed_by_drives = 0.5 / robot.gripper.drive_closed
         joint, site = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
         joints = [
             [resolve(model, joint, name) for name in arm_joint_names(s)] for s in SIDES
         ]
-        drives = [resolve(model, joint, name) for s in SIDES for name in drive_names(s)]
+        drives = [
+            resolve(model, joint, name)
+            for s in SIDES
+            for name in drive_names(s, robot.gripper)
+        ]
         self.joints = model.jnt_qposadr[joints].astype(np.int64)
         """Addresses of the arm joints in qpos (2, 7)."""
         self.dofs = model.jnt_dofadr[joints].astype(np.int64)
@@ -100,7 +105,7 @@ class Duo:
             Once for each of the substeps, when its controls are in place. The last ones are
             exactly the command's, so that it can be read back and repeated.
         """
-        for row in ramp(self._ctrl, controls_of(command.flat)):
+        for row in ramp(self._ctrl, self.controls_of(command.flat)):
             self._ctrl[:] = row
             yield
 
@@ -112,11 +117,11 @@ class Duo:
         if not np.all(command.openings == 1.0):
             raise ValueError("The arms can be placed with open grippers only.")
         self._qpos[self.joints] = command.joints
-        self._ctrl[:] = controls_of(command.flat)
+        self._ctrl[:] = self.controls_of(command.flat)
 
     def command(self) -> DuoCommand:
         """The last command, as the actuators hold it."""
-        return DuoCommand.from_flat(commands_of(self._ctrl))
+        return DuoCommand.from_flat(self.commands_of(self._ctrl))
 
     def read(self) -> DuoState:
         """Joint positions, openings and tool poses, as of the last physics step."""
@@ -130,8 +135,8 @@ class Duo:
             tools += [-x, -y, -z, -w] if x < 0.0 else [x, y, z, w]
         left, other_left, right, other_right = self._qpos[self.drivers].tolist()
         openings = [
-            1.0 - (left + other_left) * CLOSED_BY_ANGLE,
-            1.0 - (right + other_right) * CLOSED_BY_ANGLE,
+            self.opening_at(left + other_left),
+            self.opening_at(right + other_right),
         ]
         return DuoState(
             joints=self._qpos[self.joints],
@@ -143,26 +148,30 @@ class Duo:
         """Joint velocities (2, 7) in rad/s, as of the last physics step."""
         return self._data.qvel[self.dofs]
 
+    def opening_at(self, drives: Any) -> Any:
+        """Opening of a gripper by the sum of the positions of its two drives, not limited."""
+        return 1.0 - drives * self._closed_by_drives
+
+    def controls_of(self, commands: Array) -> Array:
+        """Controls of the actuators for flat commands (..., 16), as a copy."""
+        controls = commands.copy()
+        closed = self.robot.gripper.ctrl_closed
+        controls[..., _OPENINGS] = closed * (1.0 - commands[..., _OPENINGS])
+        return controls
+
+    def commands_of(self, controls: Array) -> Array:
+        """The flat commands (..., 16) that actuators hold, as a copy."""
+        commands = controls.copy()
+        closed = self.robot.gripper.ctrl_closed
+        commands[..., _OPENINGS] = 1.0 - commands[..., _OPENINGS] / closed
+        return commands
+
 
 def ramp(start: Array, end: Array) -> Array:
     """Controls (..., 16 substeps, n) that lead linearly from some (..., n) to others, exactly."""
     rows = start[..., None, :] + _FRACTIONS * (end - start)[..., None, :]
     rows[..., -1, :] = end
     return rows
-
-
-def controls_of(commands: Array) -> Array:
-    """Controls of the actuators for flat commands (..., 16), as a copy."""
-    controls = commands.copy()
-    controls[..., _OPENINGS] = GRIPPER.ctrl_closed * (1.0 - commands[..., _OPENINGS])
-    return controls
-
-
-def commands_of(controls: Array) -> Array:
-    """The flat commands (..., 16) that actuators hold, as a copy."""
-    commands = controls.copy()
-    commands[..., _OPENINGS] = 1.0 - commands[..., _OPENINGS] / GRIPPER.ctrl_closed
-    return commands
 
 
 def _actuators(model: mujoco.MjModel) -> slice:

@@ -13,9 +13,10 @@ from duobench.core.spatial import SE3
 from duobench.core.types import Array, DuoCommand, DuoState
 from duobench.world.objects.prop import Prop
 from duobench.world.robot.cameras import OVERVIEW_VIEW, View
+from duobench.world.robot.frames import ROBOT, Robot
 from duobench.world.scene.compose import compose
 from duobench.world.sim.contacts import Contacts
-from duobench.world.sim.duo import HOME, Duo, resolve
+from duobench.world.sim.duo import Duo, resolve
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.questions import CLEARLY, Questions
 
@@ -142,10 +143,15 @@ class Simulation(Questions):
     """The FR3 Duo and a task's props, stepping at the control rate."""
 
     def __init__(
-        self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW
+        self,
+        props: Iterable[Prop] = (),
+        overview: View = OVERVIEW_VIEW,
+        robot: Robot = ROBOT,
     ) -> None:
         props = tuple(props)
-        self.model: mujoco.MjModel = compose(props, overview).compile()
+        self.robot = robot
+        """Description of the arms."""
+        self.model: mujoco.MjModel = compose(props, overview, robot).compile()
         self.data = mujoco.MjData(self.model)
         self.variants: Mapping[str, str] = {}
         """The variants of the layout that was applied last."""
@@ -158,8 +164,8 @@ class Simulation(Questions):
         self._compiled = [array.copy() for array in self._switches]
         self.touches = self._compiled[0], self._compiled[1]
         """Geoms that may touch, as contype and conaffinity, where all shapes of props are there."""
-        self.duo = Duo(self.model, self.data)
-        self.contacts = Contacts(self.model, self.data)
+        self.duo = Duo(self.model, self.data, robot)
+        self.contacts = Contacts(self.model, self.data, robot.gripper)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
         self._places: dict[tuple[str, ...], tuple[list[Places], list[Places]]] = {}
@@ -202,7 +208,7 @@ class Simulation(Questions):
         Call `forward` before the next step, once everything is where it shall be.
         """
         mujoco.mj_resetData(self.model, self.data)
-        self.duo.set_configuration(HOME)
+        self.duo.set_configuration(self.robot.home_command)
 
     def forward(self) -> None:
         """Bring poses, velocities and contacts up to date with the state, without moving time."""

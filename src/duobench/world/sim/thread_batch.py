@@ -10,7 +10,7 @@ from duobench.core.types import Array, DuoCommand
 from duobench.world.scene.compose import SUBSTEPS
 from duobench.world.sim.batch import SimulationBatch
 from duobench.world.sim.contact_table import Booleans, Integers
-from duobench.world.sim.duo import controls_of, ramp
+from duobench.world.sim.duo import ramp
 from duobench.world.sim.simulation import SOLVED, Simulation, raise_on_warning
 
 _READY = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -84,7 +84,7 @@ class ThreadBatch(SimulationBatch):
         before = batch.state[worlds] if self._is_sparse else None
         controls = np.repeat(self._ctrl[worlds][:, None], SUBSTEPS, axis=1)
         controls[..., actuators] = ramp(
-            self._ctrl[worlds, actuators], controls_of(commands)
+            self._ctrl[worlds, actuators], self.simulation.duo.controls_of(commands)
         )
         if before is None:
             # The first step goes on from the half that `forward` has computed already.

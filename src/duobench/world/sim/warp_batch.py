@@ -20,7 +20,7 @@ from duobench.core.types import Array
 from duobench.world.scene.compose import SUBSTEPS
 from duobench.world.sim.batch import SimulationBatch
 from duobench.world.sim.contact_table import Integers
-from duobench.world.sim.duo import controls_of, ramp
+from duobench.world.sim.duo import ramp
 from duobench.world.sim.simulation import STATE, Simulation
 
 CONTACTS, CONVEX, CONSTRAINTS = 192, 64, 512
@@ -117,8 +117,8 @@ class WarpBatch(SimulationBatch):
     def advance(self, worlds: Integers, commands: Array) -> None:
         """See `SimulationBatch`."""
         # Those that are not asked for hold still meanwhile, and are loaded before they go on.
-        goals, actuators = self._ctrl.copy(), self.simulation.duo.actuators
-        goals[worlds, actuators] = controls_of(commands)
+        goals, duo = self._ctrl.copy(), self.simulation.duo
+        goals[worlds, duo.actuators] = duo.controls_of(commands)
         self._ramp_copy.numpy()[:] = ramp(self._ctrl, goals).swapaxes(0, 1)
         self._warp.copy(self._ramp, self._ramp_copy)
         self._run()

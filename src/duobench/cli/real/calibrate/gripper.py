@@ -24,11 +24,12 @@ def run(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> None
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
-    from duobench.real.catalog import HARDWARE_GRIPPER, load_driver
+    from duobench.real.catalog import load_driver
 
     known, arm = Rig.read(rig_file(rig)), Side(side)
     config = known.grippers[arm]
-    if config.driver != HARDWARE_GRIPPER:
+    driver = load_driver("grippers", config.driver)
+    if not hasattr(driver, "measure_ends"):
         raise AdvisedError(
             f"The {side} gripper of this rig has no positions to measure."
         )
@@ -38,7 +39,6 @@ def run(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> None
     )
     if not sys.stdin.readline():
         raise AdvisedError("It was not confirmed that the gripper may move.")
-    driver = load_driver("grippers", config.driver)
     found = driver.measure_ends(config, SystemClock())
     replace(known, grippers={**known.grippers, arm: found}).write(rig)
     say(

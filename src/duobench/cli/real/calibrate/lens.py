@@ -36,7 +36,9 @@ def run(
     known, sheet = Rig.read(rig_file(rig)), Board(paper=paper)
     folder = open_views(known, views, camera, None, sheet)
     found = calibrate_lens(folder.images(), sheet)
-    pose = tuple(float(each) for each in nominal_pose(camera).tquat)
+    pose = tuple(
+        float(each) for each in nominal_pose(camera, known.robot.gripper).tquat
+    )
     note = "lens from a board; place as in the simulation"
     write_camera(
         rig,

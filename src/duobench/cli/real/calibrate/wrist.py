@@ -47,5 +47,7 @@ def run(
     arm = Side(side)
     name = wrist_name(arm)
     folder = open_views(known, views, name, arm, sheet)
-    found = calibrate_wrist(folder.views(), arm, sheet, known_lens(known, name))
+    found = calibrate_wrist(
+        folder.views(), arm, sheet, known_lens(known, name), known.robot
+    )
     write_place(rig, known, name, found)

@@ -20,7 +20,8 @@ from duobench.real.rig import (
     Rig,
 )
 from duobench.world.robot.cameras import HEAD
-from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.world.robot.gripper import Gripper
+from duobench.world.robot.joints import VELOCITY_LIMITS
 
 
 def run(file: tyro.conf.Positional[str]) -> None:
@@ -31,7 +32,8 @@ def run(file: tyro.conf.Positional[str]) -> None:
     """
     known = known_rig(file)
     known.check_computed()
-    problem = Guard(known.workspace, known.obstacles).problem(HOME_JOINTS)
+    robot = known.robot
+    problem = Guard(robot, known.workspace, known.obstacles).problem(robot.home)
     if problem:
         raise AdvisedError(
             f"The arms cannot be at home beside what {file} says is in the way: {problem} Put its "
@@ -44,6 +46,7 @@ def run(file: tyro.conf.Positional[str]) -> None:
 def described(rig: Rig) -> Iterable[str]:
     """Limits and devices of a rig, line by line."""
     yield f"Rig {rig.name}, hash {rig.hash}"
+    yield f"Gripper {rig.robot.gripper.name}, mount {rig.mount}"
     for side, arm in rig.arms.items():
         yield from _arm(side, arm)
     addresses = [arm.address for arm in rig.arms.values()]
@@ -53,7 +56,7 @@ def described(rig: Rig) -> Iterable[str]:
             "a network port and a subnet of its own."
         )
     for side, gripper in rig.grippers.items():
-        yield _gripper(side, gripper)
+        yield _gripper(side, gripper, rig.robot.gripper)
     for name, camera in rig.cameras.items():
         yield _camera(name, camera)
     if not rig.cameras:
@@ -93,11 +96,11 @@ def _arm(side: Side, arm: ArmConfig) -> Iterable[str]:
     )
 
 
-def _gripper(side: Side, gripper: GripperConfig) -> str:
+def _gripper(side: Side, gripper: GripperConfig, kind: Gripper) -> str:
     return (
         f"{side.capitalize()} gripper: {_device(gripper.driver, gripper.port)}, "
-        f"{gripper.newtons:.0f} N, {gripper.mm_per_s:.0f} mm/s; open at {gripper.open_count}, "
-        f"closed at {gripper.closed_count}"
+        f"{gripper.newtons(kind):.0f} N, {gripper.mm_per_s(kind):.0f} mm/s; "
+        f"open at {gripper.open_count}, closed at {gripper.closed_count}"
     )
 
 

@@ -178,4 +178,5 @@ def over(
         yaw=chest.yaw + way.yaw,
         tilt=way.tilt,
     )
-    return SE3(turn.rotation, np.array([chest.apply([*way.place, 0.0])[0], y, height]))
+    x = chest.apply([*way.place, 0.0])[0]
+    return SE3(turn.rotation, np.array([x, y, height + arms.shorter]))

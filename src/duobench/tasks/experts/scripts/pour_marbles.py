@@ -172,7 +172,7 @@ def _grasp(
     camera = math.cos(tilt) * inward + math.sin(tilt) * up
     rotation = np.column_stack([camera, np.cross(approach, camera), approach])
     middle = arms.sim.position(_cup(side)) + _GRASP_HEIGHT * up
-    return SE3(rotation, middle - _SHORT * approach)
+    return SE3(rotation, middle - (_SHORT + arms.deeper) * approach)
 
 
 def take(

@@ -16,7 +16,7 @@ import mujoco
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
 from duobench.world.robot.fr3_links import Link, Vector
-from duobench.world.robot.gripper import GRIPPER
+from duobench.world.robot.gripper import ROBOTIQ_2F85, Gripper
 from duobench.world.scene.meshes import add_link, add_mesh
 from duobench.world.scene.naming import drive_names, gripper_name
 from duobench.world.scene.surfaces import (
@@ -33,7 +33,7 @@ from duobench.world.scene.surfaces import (
 
 TENDON_SHARE = 0.485
 """Share of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
-TENDON_CLOSED = GRIPPER.drive_closed * (2 * TENDON_SHARE)
+TENDON_CLOSED = ROBOTIQ_2F85.drive_closed * (2 * TENDON_SHARE)
 """Length of the tendon at which the pads meet."""
 
 # The motor: it moves the fingers at a set speed until they meet something, and then presses with a
@@ -171,7 +171,7 @@ def _mirrored(link: FingerLink) -> FingerLink:
 
 
 _FINGERS = dict(
-    zip(GRIPPER.fingers, (_FINGER, tuple(map(_mirrored, _FINGER))), strict=True)
+    zip(ROBOTIQ_2F85.fingers, (_FINGER, tuple(map(_mirrored, _FINGER))), strict=True)
 )
 """Links of the two fingers."""
 _BASE = Link(
@@ -193,15 +193,17 @@ _PAD_MASS = 0.00175
 
 
 def add_gripper(
-    spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_z: float
+    spec: mujoco.MjSpec,
+    gripper: Gripper,
+    side: Side,
+    body: mujoco.MjsBody,
+    flange: SE3,
 ) -> None:
-    """Hang a gripper with its linkage, constraints and actuator on the flange of a body.
-
-    The flange is at height `flange_z` in the body's frame, in metres.
-    """
+    """Hang a gripper with its linkage, constraints and actuator on the flange of a body."""
     prefix = gripper_name(side)
-    base = add_link(flange, f"{prefix}/base", _BASE)
-    base.pos, base.quat = (0, 0, flange_z), GRIPPER.flange_from_base.wxyz
+    base = add_link(body, f"{prefix}/base", _BASE)
+    pose = flange @ gripper.flange_from_base
+    base.pos, base.quat = pose.translation, pose.wxyz
     for name, position, wxyz, rgba in _BASE_VISUALS:
         image = add_mesh(spec, base, f"robotiq_2f85/{name}:visual", position, wxyz)
         image.rgba = rgba
@@ -212,12 +214,13 @@ def add_gripper(
         add_mesh(spec, base, "robotiq_2f85/base:hull", position, wxyz), DISTAL[side]
     )
     for finger, parts in _FINGERS.items():
-        _add_finger(spec, side, finger, parts, base)
-    _add_constraints(spec, side)
+        _add_finger(spec, gripper, side, finger, parts, base)
+    _add_constraints(spec, gripper, side)
 
 
 def _add_finger(
     spec: mujoco.MjSpec,
+    gripper: Gripper,
     side: Side,
     finger: str,
     parts: tuple[FingerLink, ...],
@@ -249,7 +252,7 @@ def _add_finger(
                     add_mesh(spec, body, f"{mesh}:hull", back, wxyz), DISTAL[side]
                 )
     # The rubber pad, and the metal tongue behind it.
-    pad = add_link(bodies["follower"], f"{prefix}_{GRIPPER.pad}", _PAD)
+    pad = add_link(bodies["follower"], f"{prefix}_{gripper.pad}", _PAD)
     fingertip = bodies["follower"].add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=FINGERTIP_SIZE,
@@ -273,11 +276,11 @@ def _add_finger(
         collide_as(geom, DISTAL[side])
 
 
-def _add_constraints(spec: mujoco.MjSpec, side: Side) -> None:
+def _add_constraints(spec: mujoco.MjSpec, gripper: Gripper, side: Side) -> None:
     """Close the two four-bar linkages, couple the drivers, and drive both through one tendon."""
     prefix = gripper_name(side)
-    first, second = drive_names(side)
-    for finger in GRIPPER.fingers:
+    first, second = drive_names(side, gripper)
+    for finger in gripper.fingers:
         spec.add_equality(
             type=mujoco.mjtEq.mjEQ_CONNECT,
             objtype=mujoco.mjtObj.mjOBJ_BODY,
@@ -305,9 +308,9 @@ def _add_constraints(spec: mujoco.MjSpec, side: Side) -> None:
         target=prefix,
         trntype=mujoco.mjtTrn.mjTRN_TENDON,
         biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        gainprm=[stiffness * TENDON_CLOSED / GRIPPER.ctrl_closed, *[0.0] * 9],
+        gainprm=[stiffness * TENDON_CLOSED / gripper.ctrl_closed, *[0.0] * 9],
         biasprm=[0.0, -stiffness, *[0.0] * 8],
-        ctrlrange=(0.0, GRIPPER.ctrl_closed),
+        ctrlrange=(0.0, gripper.ctrl_closed),
         ctrllimited=True,
         forcerange=(-DRIVER_FORCE, DRIVER_FORCE),
         forcelimited=True,
