@@ -38,7 +38,11 @@ DRAWERS: Mapping[str, Drawer] = {
         title="Guides",
         about="How something is done, from an environment to real arms.",
         chapters={
-            "Environments and learning": ("environments", "reinforcement_learning"),
+            "Environments and learning": (
+                "environments",
+                "reinforcement_learning",
+                "other_hardware",
+            ),
             "Record and teleoperate": (
                 "recording",
                 "parquet",

@@ -191,6 +191,7 @@ OFFERED = """
     duobench.world.robot.cameras
     duobench.world.robot.frames
     duobench.world.robot.joints
+    duobench.world.robot.mounts
     duobench.world.sim.simulation
 """
 """Modules beside those packages that docs, examples and plugins may import from; every other one is

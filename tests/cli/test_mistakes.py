@@ -103,7 +103,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             "eval --policy mistaken --out OUT", "is a module; name a class in it, such as mistaken:"
         ),
         slow("eval --policy ./mistaken:X --out OUT", "found by its name: mistaken:X"),
-        ("eval --policy mistaken.py:X --out OUT", "found by its name: mistaken:X"),
+        slow("eval --policy mistaken.py:X --out OUT", "found by its name: mistaken:X"),
         (
             "eval --policy mistaken:Load --out OUT",
             "mistaken has no class or function 'Load'",

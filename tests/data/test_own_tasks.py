@@ -90,6 +90,7 @@ def test_a_card_names_it_and_commands_that_import_it(demos: Path) -> None:
     assert "duobench data check data --import-tasks" in text
 
 
+@pytest.mark.slow
 def test_a_check_offers_to_import_it(demos: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["data", "check", str(demos)])

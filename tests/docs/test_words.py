@@ -18,7 +18,8 @@ from tables import PLACE
 from tests.docs.markdown import PAGES, ROOT, text_of
 
 COMMENT = re.compile(r"<!--.*?-->")
-MOST_WORDS = 36_000
+MOST_WORDS = 36_350
+"""36,000, and 350 for the page of other hardware."""
 MOST_WORDS_OF_A_PAGE = 2_500
 NOTICES = "THIRD_PARTY_NOTICES.md"
 GENERATED = {gallery_page.PAGE, prints_page.PAGE}

@@ -132,6 +132,7 @@ def test_a_record_that_was_written_just_before_a_kill_is_that_of_its_attempt(pla
     assert not verify(folder, import_tasks=True).of(Verdict.CONTRADICTED)
 
 
+@pytest.mark.slow
 def test_record_that_was_removed_is_told_while_it_is_missing(
     play: Play, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

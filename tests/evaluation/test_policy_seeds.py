@@ -109,6 +109,7 @@ def test_vllm_gets_the_policy_seed_in_all_messages_and_plain_openpi_no_seed(tmp_
     assert_secret(records, messages)
 
 
+@pytest.mark.slow
 def test_model_server_of_vla_eval_gets_the_policy_seed(tmp_path):
     server = ModelServer(acting(STILL))
     with server.running() as port:

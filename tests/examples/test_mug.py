@@ -62,6 +62,7 @@ def test_its_expert_solves_it(example: Path) -> None:
         assert play.run_for(script, play.task.horizon) == play.task.max_stage, play.history
 
 
+@pytest.mark.slow
 def test_it_has_the_same_bits_on_every_kernel_and_needs_no_extra(example: Path) -> None:
     paths = {"PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(example)])}
     environment = {**os.environ, **paths}

@@ -6,13 +6,11 @@ Its time passes only while it waits; see `screen_operator`.
 from __future__ import annotations
 
 import cmath
-import io
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scipy import ndimage, signal
 
 from duobench.core.types import SIDES, Side
@@ -20,7 +18,6 @@ from duobench.world.objects.mazes import CELLS, Cell, Direction, Maze, Segment
 from tests.pages import screen_operator
 from tests.pages.leading import Led
 from tests.pages.screen_operator import (
-    DRAWN,
     HEARD_MS,
     MOST_WAITS,
     PERIOD_MS,
@@ -81,6 +78,7 @@ class PadOperator(ScreenOperator):
     def __init__(self, led: Led) -> None:
         """Sit down, look from above, and go nearer."""
         super().__init__(led)
+        self._box_above = self.scene
         self.sides: tuple[Side, ...] = ()
         self.press("+", NEARER)
         self.high = dict.fromkeys(SIDES, HIGH)
@@ -131,13 +129,9 @@ class PadOperator(ScreenOperator):
         buttons = [TOGETHER] if len(self.sides) > 1 else []
         self.push_by([right, -away, 0.0, -up], SPEED, *buttons)
 
-    def yaw(self, angle: float) -> None:
+    def swivel(self, angle: float) -> None:
         """Turn one tool about the vertical; positive is to the left."""
         self.push_by([0.0, 0.0, -angle, 0.0], TURN)
-
-    def tilt(self, right: float, away: float) -> None:
-        """Turn both tools as one thing, so that it goes down to the right or away by radians."""
-        self.push_by([right, -away, 0.0, 0.0], TURN, TURNING, TOGETHER)
 
     def straighten(self) -> None:
         """Turn both hands so that their fingers point straight down, which lean at the start."""
@@ -158,6 +152,7 @@ class PadOperator(ScreenOperator):
 
     def _go(self, messages: int) -> None:
         """Let exactly the time of so many messages pass: sticks lead on as long as it does."""
+        self._is_old = True
         self._page.evaluate(f"pass_time({messages * PERIOD_MS})")
         while self._page.evaluate("time_left()") > 0:
             self._led.turn(0.02)
@@ -168,16 +163,13 @@ class PadOperator(ScreenOperator):
 
     # ------------------------------------------------------------ looking
 
-    def scene(self) -> Picture:
-        """What the scene shows now."""
+    def above(self) -> Picture:
+        """What is seen from above now."""
         self._led.show()
         self._page.wait_for_timeout(HEARD_MS)
-        self._page.evaluate(DRAWN)
-        self._scene = self._box(self._page.locator("canvas").first)  # words above it may wrap
-        x, y, width, height = self._scene
-        clip = {"x": x, "y": y, "width": width, "height": height}
-        with Image.open(io.BytesIO(self._page.screenshot(clip=clip))) as image:  # pyright: ignore[reportArgumentType]
-            return np.asarray(image.convert("RGB")).astype(np.int16)
+        self._is_old = True
+        self._box_above = self.scene
+        return self._shot(self._box_above)
 
     def height(self, side: Side) -> float:
         """Metres that stand at a tool."""
@@ -187,13 +179,13 @@ class PadOperator(ScreenOperator):
 
     def place(self, pixel: Any, height: float) -> Any:
         """Where something at a height is that is seen at a pixel: metres to the right and away."""
-        _x, _y, across, down = self._scene
+        _x, _y, across, down = self._box_above
         away = np.conj(pixel - complex(across, down) / 2)
         return away * (EYE - height) / (FOCUS * down)
 
     def pixel(self, place: Any, height: float) -> Any:
         """Where something is seen."""
-        _x, _y, across, down = self._scene
+        _x, _y, across, down = self._box_above
         return complex(across, down) / 2 + np.conj(place) * (FOCUS * down) / (EYE - height)
 
     def below(self, side: Side, picture: Picture) -> complex:
@@ -204,7 +196,7 @@ class PadOperator(ScreenOperator):
         high = self.high[side]
         ground = max(0.0, high - self.height(side))
         marks = ndimage.gaussian_filter(marks_of(picture, side).astype(float), 0.7)
-        _x, _y, _across, down = self._scene
+        _x, _y, _across, down = self._box_above
         rough = self.place(found_ring(marks, RING * FOCUS * down / (EYE - ground)), ground)
         circle = RING * np.exp(1j * np.arange(0, 2 * np.pi, 0.1))
         line = np.linspace(-RING, RING, 30)
@@ -224,7 +216,7 @@ class PadOperator(ScreenOperator):
         self, mask: Mask, radius: float, height: float, near: complex = 0j, reach: float = 1.0
     ) -> complex:
         """Where the middle of a disc of a colour is, of which parts may be hidden."""
-        pixels = radius * FOCUS * self._scene[3] / (EYE - height)
+        pixels = radius * FOCUS * self._box_above[3] / (EYE - height)
         size = math.ceil(pixels) + 6
         down, across = np.indices((2 * size + 1, 2 * size + 1)) - size
         away = np.hypot(across, down)
@@ -235,7 +227,7 @@ class PadOperator(ScreenOperator):
         fit[abs(places - near) > reach] = -np.inf
         return complex(places.flat[int(fit.argmax())])
 
-    def lower(self, side: Side, height: float) -> None:
+    def go_down(self, side: Side, height: float) -> None:
         """Lower a tool to a height above the table."""
         self.lead(side)
         self.shift(0.0, 0.0, height - self.high[side])
@@ -247,7 +239,7 @@ class PadOperator(ScreenOperator):
         """Move a tool until the ring below it is at a place."""
         self.lead(side)
         for _ in range(tries):
-            way = goal - self.below(side, self.scene())
+            way = goal - self.below(side, self.above())
             self.log(f"{side.name}: {1000 * way:.1f} mm to go")
             if abs(way) < NEAR:
                 return
@@ -282,7 +274,7 @@ def found_ring(marks: NDArray[np.float64], radius: float) -> complex:
 
 def carry_pot(op: PadOperator) -> None:
     """Take both handles of a pot, lift it, carry it to the stove, put it down and let go."""
-    picture = op.scene()
+    picture = op.above()
     pot = op.disc(is_steel(picture), POT_RADIUS, POT_TOP)
     stove = op.disc(is_burner(picture), BURNER, STOVE)
     axis = handles_of(op, picture, pot)
@@ -292,11 +284,11 @@ def carry_pot(op: PadOperator) -> None:
     places = {side: pot - side.sign * HANDLE * axis for side in SIDES}
     for side in SIDES:
         op.bring(side, places[side], tries=1)
-        op.yaw(cmath.phase(axis))
-        op.lower(side, HANDLE_HIGH + ABOVE_HANDLE)
+        op.swivel(cmath.phase(axis))
+        op.go_down(side, HANDLE_HIGH + ABOVE_HANDLE)
         op.bring(side, places[side])
     for side in SIDES:
-        op.lower(side, HANDLE_HIGH)
+        op.go_down(side, HANDLE_HIGH)
     op.squeeze(0.0, *SIDES)
     op.lead(*SIDES)
     op.log(f"{op.next} {op.height(Side.LEFT)} m")
@@ -304,7 +296,7 @@ def carry_pot(op: PadOperator) -> None:
         op.shift(0.0, 0.0, POT_LIFT - op.height(Side.LEFT))
         op.wait(10)
     for _ in range(2):
-        pot = op.disc(is_steel(op.scene()), POT_RADIUS, POT_TOP + POT_LIFT, pot, 0.04)
+        pot = op.disc(is_steel(op.above()), POT_RADIUS, POT_TOP + POT_LIFT, pot, 0.04)
         way = stove - pot
         op.log(f"{op.next} {1000 * way:.0f} mm to the stove")
         op.shift(way.real, way.imag)
@@ -371,7 +363,7 @@ class MazeOnScreen:
     def __init__(self, operator: PadOperator) -> None:
         """Look at a board that lies on the table, and at nothing before it."""
         self._op = operator
-        picture = operator.scene()
+        picture = operator.above()
         self.middle, self.axis = self._lying(picture)
         self.height = RIM
         self.maze = self._read(picture)
@@ -495,12 +487,12 @@ class MazePlayer:
         places = {side: board.at(-side.sign * GRIP, 0.0) for side in SIDES}
         for side in SIDES:
             op.bring(side, places[side], tries=1)
-            op.yaw(cmath.phase(board.axis))
-            op.lower(side, ABOVE)
+            op.swivel(cmath.phase(board.axis))
+            op.go_down(side, ABOVE)
         for side in SIDES:
             op.bring(side, places[side])
         for side in SIDES:
-            op.lower(side, GRASP)
+            op.go_down(side, GRASP)
         for side in SIDES:
             op.squeeze(0.0, side)
         op.log(op.next)
@@ -532,7 +524,7 @@ class MazePlayer:
 
     def see(self) -> complex:
         """Where the ball is."""
-        picture = self._op.scene()
+        picture = self._op.above()
         self._board.follow(picture)
         ball = self._board.ball(picture)
         assert ball is not None

@@ -29,6 +29,8 @@ TAP_MM = 5
 NEAR_RAD = 0.1
 GRASP_MM = {"cube": 20, "block": 10}
 """Below the top of a thing."""
+OVER_MM = {"cube": 60, "block": 80}
+"""Above a thing, where it is all in the picture and large enough to tell its edges."""
 LIFT_MM = 80
 RAISED_MM = 200
 """How much higher than lifted a block is handed over."""
@@ -39,11 +41,15 @@ LEANS = {Side.RIGHT: 87, Side.LEFT: -192}
 FREE_END_RADII, FREE_END_MM = 2.0, 43
 """Of the block that the giver holds leaning: to the left of the giver's ring, and above what was
 its lowest point before it leaned."""
+APART_RADII = 6.0
+"""From the right tool's ring to the left one's, before that comes nearer."""
 MOST_TRIES = 3
 MOST_PIXELS = 120
 """Of a drag, before it is looked at again."""
 LEARNT = 10
 """Pixels of a picture from which on a drag tells how far drags go."""
+STRAY = 25
+"""Pixels from where something should be that are too many: it is something else."""
 GUESS = {"Head": 0.36, "Left wrist": 0.067, "Right wrist": 0.067}
 """Pixels of a camera's picture that a pixel of a drag from above moves a tool, at first; of a
 wrist's camera, as shares of how large a cube is there."""
@@ -433,19 +439,25 @@ class ScreenOperator:
 
     def aim(self, side: Side, thing: Thing, name: str, near: float, tries: int = 5) -> Seen | None:
         """Drag the tool until something is below it in a camera's picture."""
-        before = way = 0j
+        last: Seen | None = None
+        way = 0j
         for _ in range(tries):
             seen = self.see(side, thing, name)
+            if last is not None:
+                size = self._size(last, name)
+                left = last.away - way * self._pixels[name] * size
+                if seen is None or abs(seen.away - left) > STRAY + 0.6 * abs(last.away):
+                    return Seen(away=left, blob=last.blob)  # the marks are over it
+                if abs(last.away - seen.away) > LEARNT:
+                    learnt = (last.away - seen.away) / way / size
+                    if 0.3 < abs(learnt / self._pixels[name]) < 3:
+                        self._pixels[name] = learnt
             if seen is None:
                 return None
-            if way and abs(before - seen.away) > LEARNT:
-                learnt = (before - seen.away) / way / self._size(seen, name)
-                if 0.3 < abs(learnt / self._pixels[name]) < 3:
-                    self._pixels[name] = learnt
             self.log(f"{name}: away {seen.away:.1f}, area {seen.blob.area:.0f}")
             if abs(seen.away) < near:
                 return seen
-            before = seen.away
+            last = seen
             way = self.way(seen.away, seen, name)
             way *= min(1.0, MOST_PIXELS / abs(way))
             self.drag(way)
@@ -498,7 +510,7 @@ def take(op: ScreenOperator, side: Side, thing: Thing) -> bool:
         op.aim(side, thing, wrist, 8.0, 3)
         op.lower(side, 150, 30)
         turn_across(op, side, thing, 5.0)
-        op.lower(side, 60)
+        op.lower(side, OVER_MM[thing.shape])
         seen = turn_across(op, side, thing, 3.0)
         if seen is None:
             op.lower(side, 350, 30)
@@ -544,8 +556,8 @@ def pass_on(op: ScreenOperator) -> bool:
 def hand_over(op: ScreenOperator) -> bool:
     """Hand what the right hand holds to the left one, in the air; whether the page says so.
 
-    Both hands turn their cameras outwards, the left one leans outwards too, and both close on the
-    same two sides of the block, two radii of a tool's ring apart.
+    Both hands have their cameras outside and lean outwards, and both close on the same two sides of
+    the block. How far apart is told by the ring at a tool, which shows how large 30 mm are.
     """
     giver, receiver = Side.RIGHT, Side.LEFT
     op.sink(-RAISED_MM)
@@ -561,10 +573,10 @@ def hand_over(op: ScreenOperator) -> bool:
     op.turn_to(receiver, math.pi / 2)
     op.lean(receiver, LEANS[receiver])
     for nearer in (0.0, 0.4, -0.4):
-        beside(op, 6.0, 5.0)
+        beside(op, APART_RADII, 5.0)
         op.lower(receiver, goal_mm)
         op.sink((op.height_mm(receiver) or 0) - goal_mm)
-        beside(op, 6.0, 3.0)
+        beside(op, APART_RADII, 3.0)
         beside(op, FREE_END_RADII - nearer, 3.0)
         op.log(f"at the end: {op.ring(giver)}, {op.ring(receiver)}, {op.height_mm(receiver)} mm")
         op.grip(receiver)
@@ -572,7 +584,7 @@ def hand_over(op: ScreenOperator) -> bool:
         if not op.next.startswith("Grasp"):
             break
         op.grip(receiver)
-        beside(op, 6.0, 5.0)
+        beside(op, APART_RADII, 5.0)
     if op.next.startswith("Let go"):
         op.grip(giver)
     op.log(op.next)

@@ -57,7 +57,7 @@ def test_a_tool_is_led_no_further_than_reach_box_and_leash_allow() -> None:
             wrist = (shaped.pose @ ROBOT.link7_from_tcp.inverse()).translation
             assert length(wrist - ROBOT.shoulders[side]) <= REACH + 1e-9
             assert shaped.is_limited == (length(shaped.pose.translation - wanted.translation) > 0)
-            assert max(inverse.within_reach(side, shaped.pose).distance(shaped.pose)) < 1e-9
+            assert max(inverse.within_reach(ROBOT, side, shaped.pose).distance(shaped.pose)) < 1e-9
     here = tool(0.5, 0.2, 0.3)
     assert not Shaper(Side.LEFT, ROBOT)(here, here).is_limited
     pressed = Shaper(Side.LEFT, ROBOT)(here, here.moved(z=0.25))

@@ -77,6 +77,7 @@ class NumberDuo(NumberArms):
         super().__init__()
         camera = CameraConfig(driver=REHEARSAL)
         self.rig = replace(rehearsal_rig(), cameras=dict.fromkeys(cameras, camera))
+        self.robot = self.rig.robot
         self.cameras = {name: CountingCamera() for name in cameras}
         self.clock = SimpleNamespace(now=lambda: self.time)
         self.state: dict[str, Any] = {"tau_J": np.arange(7.0), "control_rate": np.array(1.0)}

@@ -137,6 +137,7 @@ def test_failures_are_counted_and_left_out_unless_asked_for(empty, tmp_path):
     assert not good.episodes()
 
 
+@pytest.mark.slow
 def test_instructions_vary_on_request(empty):
     played(empty, "hold", keep_failures=True, episodes=4, instructions="varied")
     infos = [Recording.read_info(path) for path in empty.episodes()]

@@ -29,6 +29,7 @@ from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until
 from tests.evaluation.runners.test_batches import episodes, named
+from tests.quick_first import quick_first
 
 WAVE = {"workers": 1, "episodes": 1, "tasks": find_tasks([toy_tasks.WAVE_NAME])}
 
@@ -201,7 +202,7 @@ def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(play, monk
         play("hold", workers=workers, episodes=1)
 
 
-@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("workers", quick_first([0, 1]))
 def test_policy_that_needs_images_where_nothing_renders_ends_the_run(play, monkeypatch, workers):
     monkeypatch.setenv("MUJOCO_GL", "off")
     with pytest.raises(RenderingError, match="switched off by MUJOCO_GL=off"):
@@ -267,6 +268,7 @@ def test_run_of_nothing_but_errors_gives_way_to_a_changed_policy(play, reference
     assert compared(folder) == reference
 
 
+@pytest.mark.slow
 def test_run_with_one_good_episode_is_kept_unless_it_is_begun_anew(play, reference):
     folder, _ = play("BreaksOnce")
     stranger = folder.path / "notes.txt"

@@ -408,8 +408,8 @@ CASES: Mapping[str, Case] = {
     "person: interrupts": Case(policy="hold", bad=(), meanwhile=interrupt),
 }
 QUICK = {
-    "local: raises first", "here: raises", "served: bfloat16", "served: two answers",
-    "here: diverges", "task: accept raises here", "task: stage raises here",
+    "local: raises first", "here: raises", "served: bfloat16", "here: diverges",
+    "task: stage raises here",
     "video: device is empty", "images: device is empty",
 }  # fmt: skip
 REPEATED = ("local", "video")

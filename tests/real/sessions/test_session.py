@@ -142,6 +142,7 @@ def test_what_a_person_or_our_controller_did_is_asked_about_and_never_counts(
     assert f"{kind} (1)" in stand.folder.page.read_text()
 
 
+@pytest.mark.slow
 def test_a_stop_while_the_arms_go_home_costs_no_trial(tmp_path: Path) -> None:
     def script(operator: Operator) -> None:
         duo = operator.stand.duo

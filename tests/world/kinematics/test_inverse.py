@@ -196,6 +196,27 @@ def test_a_solver_remembers_nothing_and_solutions_are_on_a_grid_that_float32_hol
     assert np.array_equal(first.astype(np.float32), first)
 
 
+def test_robots_side_by_side_get_what_each_gets_alone(kinematics: Kinematics) -> None:
+    rng = np.random.default_rng(8)
+    joints = HOME_JOINTS + 0.2 * rng.normal(size=(12, 2, ARM_JOINTS))
+    joints[:4] = HOME_JOINTS
+    at = [kinematics.forward(each) for each in joints]
+    # Some rest, some come near, some are told to go where no arm reaches.
+    ways = np.repeat([0.0, 1e-5, 0.02, 2.0], 3)
+    goals = [
+        {side: at[number][side].moved(*way * rng.normal(size=3)) for side in SIDES}
+        for number, way in enumerate(ways)
+    ]
+    numbers = np.array([[each[side].tquat for side in SIDES] for each in goals])
+    for _ in range(8):
+        alone = [
+            kinematics.step(each, {side: SE3.from_tquat(row[side.index]) for side in SIDES})
+            for each, row in zip(joints, numbers, strict=True)
+        ]
+        joints = kinematics.step_all(joints, numbers)
+        assert np.array_equal(joints, alone)
+
+
 def test_with_the_step_before_no_joint_jumps_or_turns_about(kinematics: Kinematics) -> None:
     rng = np.random.default_rng(4)
     before = joints = np.array(HOME_JOINTS)

@@ -1,6 +1,7 @@
 """Other grippers and mounts, through their descriptions alone; one of them is a test's own."""
 
 from contextlib import closing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,16 +9,24 @@ import pytest
 import duobench
 from duobench.core.errors import UnknownNameError
 from duobench.core.types import SIDES, DuoCommand, Side
+from duobench.data import ImageSource
+from duobench.data.lerobot.actions import labels_of
+from duobench.data.lerobot.options import ActionSource
 from duobench.envs.config import EnvConfig
 from duobench.envs.sim_env import sim_of
+from duobench.evaluation.replay import replay
 from duobench.real.clock import VirtualClock
 from duobench.real.guard import Guard
 from duobench.real.opening import open_rig, rehearsal_rig
+from duobench.results.records import Condition
+from duobench.results.suite import SuiteChoice, deviations
 from duobench.tasks.experts.expert import Expert, find_script
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.cameras import describe_cameras
 from duobench.world.robot.frames import ROBOT, Robot, robot_with
 from duobench.world.robot.joints import JOINT_RANGES
 from duobench.world.sim.simulation import Simulation
+from tests.data.tools import only, recorder
 
 PINCERS = "tests.world.robot.third_gripper:PINCERS"
 ROBOTS = [robot_with("franka_hand"), robot_with(PINCERS), robot_with("robotiq_2f85", "wide")]
@@ -117,3 +126,36 @@ def test_an_unknown_gripper_is_named_with_those_that_there_are() -> None:
         EnvConfig(mount="wid")
     assert EnvConfig(gripper="franka_hand", mount="wide").other_robot == "franka_hand wide"
     assert EnvConfig().other_robot == ""
+
+
+def test_recordings_and_results_know_the_gripper(tmp_path: Path) -> None:
+    env = recorder(tmp_path, gripper="franka_hand", action_mode="cartesian")
+    env.reset(seed=2)
+    start = env.base.backend.read().tcp_poses
+    for _ in range(8):
+        rows = np.column_stack([start, [0.0, 1.0]])
+        env.step(rows.ravel())
+    env.close()
+    recording = only(tmp_path)
+    assert recording.info.robot == robot_with("franka_hand")
+    assert (
+        recording.info.cameras["left_wrist"]
+        == describe_cameras(recording.info.robot.gripper)["left_wrist"]
+    )
+    (found,) = replay("bin_sort", [recording])
+    assert found.is_exact
+    shown = ImageSource("bin_sort", cameras=())
+    shown.show(recording, 8)
+    seen = shown.simulation.duo.read()
+    assert seen.openings[0] < seen.openings[1]
+    assert seen.tcp_poses.ravel() == pytest.approx(recording.tcp_pose[8], abs=1e-6)
+    targets, _ = labels_of(recording, "cartesian", ActionSource.SENT)
+    assert targets.shape == (8, 20)
+    usual, other = (
+        Condition.of("expert", "sim", config)
+        for config in (EnvConfig(), EnvConfig(gripper="franka_hand"))
+    )
+    assert usual.name == "expert.sim.none.default"
+    assert other.name == "expert.sim.none.default.franka_hand"
+    suite = SuiteChoice(suite="paper", gripper="franka_hand").make()
+    assert "gripper franka_hand" in deviations(suite)

@@ -87,6 +87,7 @@ def test_the_choice_is_made_once_and_inherited() -> None:
     assert "/nowhere/python" in run_python(child).stderr, "without it, a probe is tried"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undecided")
 def test_a_probe_says_what_drew_in_one_child_and_in_several() -> None:
     backend = choose()
