@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from numpy.typing import NDArray
 
 import duobench
 from duobench.cli import main
@@ -91,7 +92,7 @@ def export(data: DataSet, out: Path, **options: Any) -> Exported:
     return export_lerobot(data, out, replace(TINY, **{"cameras": (), **options}), workers=0)
 
 
-def steps_of(poses: Array) -> Array:
+def steps_of(poses: NDArray[Any]) -> Array:
     """How far each number moves in a step."""
     return np.abs(np.diff(poses.astype(float), axis=0))
 

@@ -14,7 +14,8 @@ RUN_BY = {
     "tests/docs/test_citation.py": "README: bibtex",
     "tests/docs/test_add_a_task.py": "add_a_task: sh python xml",
     "tests/docs/test_drawn.py": "looks: python",
-    "tests/docs/test_environments.py": "environments: python; reinforcement_learning: python",
+    "tests/docs/test_environments.py": "environments: python; other_hardware: python; "
+    "reinforcement_learning: python",
     "tests/docs/test_examples.py": "comparison: sh; policies: sh python; "
     "printing: sh python; scale: bash; serving: python toml; viewing: sh python",
     "tests/docs/test_first_teleoperation.py": "teleoperation: none",

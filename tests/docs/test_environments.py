@@ -1,4 +1,4 @@
-"""The pages on environments and on reinforcement learning: their code runs."""
+"""The pages on environments, reinforcement learning and other hardware: their code runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import pytest
 from tests.docs.markdown import blocks, modules, page_of, run
 from tests.quick_first import quick_first
 
-PAGES = tuple(page_of(name) for name in ("environments", "reinforcement_learning"))
+NAMES = ("environments", "reinforcement_learning", "other_hardware")
+PAGES = tuple(map(page_of, NAMES))
 ELSEWHERE = ("RecordVideo", "stable_baselines3")
 """What needs libraries that `make test-ecosystem` has, which runs such blocks."""
 CODE = [

@@ -15,6 +15,8 @@ from duobench.world.robot.mounts import HOME_JOINTS
 class NumberArms:
     """Arms that are at once where they are sent, but never lower their left joint 2."""
 
+    robot = ROBOT
+
     limits = DuoLimits(
         low=np.tile([*[-3.0] * 7, 0.0], 2),
         high=np.tile([*[4.0] * 7, 1.0], 2),

@@ -41,6 +41,8 @@ LEANS = {Side.RIGHT: 87, Side.LEFT: -192}
 FREE_END_RADII, FREE_END_MM = 2.0, 43
 """Of the block that the giver holds leaning: to the left of the giver's ring, and above what was
 its lowest point before it leaned."""
+APART_RADII = 6.0
+"""From the right tool's ring to the left one's, before that comes nearer."""
 MOST_TRIES = 3
 MOST_PIXELS = 120
 """Of a drag, before it is looked at again."""
@@ -554,8 +556,8 @@ def pass_on(op: ScreenOperator) -> bool:
 def hand_over(op: ScreenOperator) -> bool:
     """Hand what the right hand holds to the left one, in the air; whether the page says so.
 
-    Both hands turn their cameras outwards, the left one leans outwards too, and both close on the
-    same two sides of the block, two radii of a tool's ring apart.
+    Both hands have their cameras outside and lean outwards, and both close on the same two sides of
+    the block. How far apart is told by the ring at a tool, which shows how large 30 mm are.
     """
     giver, receiver = Side.RIGHT, Side.LEFT
     op.sink(-RAISED_MM)
@@ -571,10 +573,10 @@ def hand_over(op: ScreenOperator) -> bool:
     op.turn_to(receiver, math.pi / 2)
     op.lean(receiver, LEANS[receiver])
     for nearer in (0.0, 0.4, -0.4):
-        beside(op, 6.0, 5.0)
+        beside(op, APART_RADII, 5.0)
         op.lower(receiver, goal_mm)
         op.sink((op.height_mm(receiver) or 0) - goal_mm)
-        beside(op, 6.0, 3.0)
+        beside(op, APART_RADII, 3.0)
         beside(op, FREE_END_RADII - nearer, 3.0)
         op.log(f"at the end: {op.ring(giver)}, {op.ring(receiver)}, {op.height_mm(receiver)} mm")
         op.grip(receiver)
@@ -582,7 +584,7 @@ def hand_over(op: ScreenOperator) -> bool:
         if not op.next.startswith("Grasp"):
             break
         op.grip(receiver)
-        beside(op, 6.0, 5.0)
+        beside(op, APART_RADII, 5.0)
     if op.next.startswith("Let go"):
         op.grip(giver)
     op.log(op.next)

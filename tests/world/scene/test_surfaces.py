@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from duobench.world.robot.joints import JOINT_RANGES
-from duobench.world.scene.robotiq_2f85 import PAD_FRICTION
+from duobench.world.scene.fingers import PAD_FRICTION
 from duobench.world.scene.surfaces import METAL_FRICTION
 from duobench.world.sim.simulation import Simulation
 

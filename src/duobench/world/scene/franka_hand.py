@@ -15,17 +15,15 @@ from duobench.world.objects.shapes import hull
 from duobench.world.objects.solid import manifold_of, mesh_of
 from duobench.world.robot.fr3_links import WHITE, Link
 from duobench.world.robot.gripper import Gripper
+from duobench.world.scene.fingers import add_motor, add_pad
 from duobench.world.scene.meshes import FLAT, add_link, add_visual_mesh
-from duobench.world.scene.naming import drive_names, gripper_name
+from duobench.world.scene.naming import gripper_name
 from duobench.world.scene.surfaces import (
     CONTACT_SOLIMP,
     CONTACT_SOLREF,
     DISTAL,
-    ROLLING,
-    TORSION,
     VISUAL_GEOM_GROUP,
     add_box,
-    collide_as,
     collide_as_metal,
 )
 
@@ -33,10 +31,6 @@ SERVO_BAND = 0.002
 """Error of the gap in metres from which on the full force acts."""
 ARMATURE = 0.15
 """Inertia of motor and belt in kg, as one finger moves it (estimated)."""
-PAD_FRICTION = 0.8
-"""Sliding friction of the rubber tips on plastic."""
-PAD_SOLREF = (0.004, 1.0)
-"""Contact time constant of the tips, and damping ratio: those of other rubber pads here."""
 _DARK = (0.25, 0.25, 0.25, 1.0)
 _RUBBER = (0.15, 0.15, 0.15, 1.0)
 
@@ -108,34 +102,15 @@ def add_gripper(
     collide_as_metal(palm, DISTAL[side])
     for finger, turn in zip(gripper.fingers, (math.pi, 0.0), strict=True):
         _add_finger(gripper, side, finger, SE3.at(z=FINGER_Z, yaw=turn), base)
-    first, second = drive_names(side, gripper)
-    spec.add_equality(
-        type=mujoco.mjtEq.mjEQ_JOINT,
-        objtype=mujoco.mjtObj.mjOBJ_JOINT,
-        name1=second,
-        name2=first,
-        data=[0.0, 1.0, *[0.0] * 10],
-        solref=CONTACT_SOLREF,
-        solimp=CONTACT_SOLIMP,
-    )
-    # As in other grippers here, the motor has a set force at standstill, none left at the set
-    # speed, and a position servo brings it to a halt; the tendon is how far the gap has closed.
-    force, speed = gripper.force, gripper.speeds[1]
-    tendon = spec.add_tendon(name=prefix, damping=[force / speed, 0.0, 0.0])
-    for joint in (first, second):
-        tendon.wrap_joint(joint, 1.0)
-    stiffness = force / SERVO_BAND
-    spec.add_actuator(
-        name=prefix,
-        target=prefix,
-        trntype=mujoco.mjtTrn.mjTRN_TENDON,
-        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        gainprm=[stiffness * gripper.stroke / gripper.ctrl_closed, *[0.0] * 9],
-        biasprm=[0.0, -stiffness, *[0.0] * 8],
-        ctrlrange=(0.0, gripper.ctrl_closed),
-        ctrllimited=True,
-        forcerange=(-force, force),
-        forcelimited=True,
+    force = gripper.force
+    add_motor(
+        spec,
+        gripper,
+        side,
+        share=1.0,
+        force=force,
+        damping=force / gripper.speeds[1],
+        band=SERVO_BAND,
     )
 
 
@@ -166,16 +141,6 @@ def _add_finger(
         collide_as_metal(box, DISTAL[side])
     tip = body.add_body(name=f"{prefix}_{gripper.pad}", gravcomp=1.0)
     for height in TIPS:
-        geom = tip.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=TIP_SIZE,
-            pos=(0.0, TIP_SIZE[1], height),
-            mass=_TIP_MASS,
-            friction=(PAD_FRICTION, TORSION, ROLLING),
-            solref=PAD_SOLREF,
-            solimp=CONTACT_SOLIMP,
-            priority=1,
-            rgba=_RUBBER,
-            group=VISUAL_GEOM_GROUP,
-        )
-        collide_as(geom, DISTAL[side])
+        at = (0.0, TIP_SIZE[1], height)
+        box = add_pad(tip, side, TIP_SIZE, at, _TIP_MASS, _RUBBER)
+        box.group = VISUAL_GEOM_GROUP

@@ -17,28 +17,21 @@ from duobench.core.spatial import SE3
 from duobench.core.types import Side
 from duobench.world.robot.fr3_links import Link, Vector
 from duobench.world.robot.gripper import ROBOTIQ_2F85, Gripper
+from duobench.world.scene.fingers import add_motor, add_pad
 from duobench.world.scene.meshes import add_link, add_mesh
-from duobench.world.scene.naming import drive_names, gripper_name
+from duobench.world.scene.naming import gripper_name
 from duobench.world.scene.surfaces import (
     COLLISION_GEOM_GROUP,
     CONTACT_SOLIMP,
     CONTACT_SOLREF,
     DISTAL,
-    ROLLING,
-    TORSION,
-    collide_as,
     collide_unseen,
     visual_only,
 )
 
 TENDON_SHARE = 0.485
 """Share of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
-TENDON_CLOSED = ROBOTIQ_2F85.drive_closed * (2 * TENDON_SHARE)
-"""Length of the tendon at which the pads meet."""
 
-# The motor: it moves the fingers at a set speed until they meet something, and then presses with a
-# set force, at every commanded opening. As a torque-speed line: DRIVER_FORCE at standstill,
-# none left at the set speed. The position servo only brings it to a halt at the commanded opening.
 DRIVER_FORCE = 11.4
 """Force of the actuator, in the tendon's units, with which each pad presses on a 32 mm cube
 with the description's force (measured)."""
@@ -52,14 +45,10 @@ BLACK = (0.149, 0.149, 0.149, 1.0)
 PAD_COLOUR = (0.45, 0.45, 0.45, 1.0)
 
 _LINKAGE_ANCHOR = (-0.0179014, -0.00651468, 0.0044)
-PAD_SOLREF = (0.004, 1.0)
-"""Contact time constant of the pads [facts of the platform]; MuJoCo raises it to two time steps."""
 PAD_SIZE = (0.002, 0.011, 0.009375)
 """Half sizes of one of the two boxes of a pad, in metres."""
 PADS = (0.12, 0.13875)
 """Heights in the pad's frame of the two boxes of a pad, in metres."""
-PAD_FRICTION = 0.8
-"""Sliding friction of the rubber pads on plastic."""
 FINGERTIP_SIZE = (0.0063, 0.0105, 0.0185)
 FINGERTIP_POSITION = (0.0349, 0.0, 0.129)
 """Half size and centre, in the pad's frame and metres, of the box that stands for the metal tongue
@@ -261,25 +250,14 @@ def _add_finger(
     )
     collide_unseen(fingertip, DISTAL[side])
     for height in PADS:
-        geom = pad.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=PAD_SIZE,
-            pos=(_PAD_OFFSET, 0, height),
-            mass=_PAD_MASS,
-            friction=(PAD_FRICTION, TORSION, ROLLING),
-            solref=PAD_SOLREF,
-            solimp=CONTACT_SOLIMP,
-            priority=1,
-            rgba=PAD_COLOUR,
-            group=COLLISION_GEOM_GROUP,
-        )
-        collide_as(geom, DISTAL[side])
+        at = (_PAD_OFFSET, 0, height)
+        box = add_pad(pad, side, PAD_SIZE, at, _PAD_MASS, PAD_COLOUR)
+        box.group = COLLISION_GEOM_GROUP
 
 
 def _add_constraints(spec: mujoco.MjSpec, gripper: Gripper, side: Side) -> None:
     """Close the two four-bar linkages, couple the drivers, and drive both through one tendon."""
     prefix = gripper_name(side)
-    first, second = drive_names(side, gripper)
     for finger in gripper.fingers:
         spec.add_equality(
             type=mujoco.mjtEq.mjEQ_CONNECT,
@@ -290,28 +268,12 @@ def _add_constraints(spec: mujoco.MjSpec, gripper: Gripper, side: Side) -> None:
             solref=CONTACT_SOLREF,
             solimp=CONTACT_SOLIMP,
         )
-    spec.add_equality(
-        type=mujoco.mjtEq.mjEQ_JOINT,
-        objtype=mujoco.mjtObj.mjOBJ_JOINT,
-        name1=second,
-        name2=first,
-        data=[0.0, 1.0, *[0.0] * 10],
-        solref=CONTACT_SOLREF,
-        solimp=CONTACT_SOLIMP,
-    )
-    tendon = spec.add_tendon(name=prefix, damping=[DRIVER_DAMPING, 0.0, 0.0])
-    for joint in (first, second):
-        tendon.wrap_joint(joint, TENDON_SHARE)
-    stiffness = DRIVER_FORCE / SERVO_BAND
-    spec.add_actuator(
-        name=prefix,
-        target=prefix,
-        trntype=mujoco.mjtTrn.mjTRN_TENDON,
-        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        gainprm=[stiffness * TENDON_CLOSED / gripper.ctrl_closed, *[0.0] * 9],
-        biasprm=[0.0, -stiffness, *[0.0] * 8],
-        ctrlrange=(0.0, gripper.ctrl_closed),
-        ctrllimited=True,
-        forcerange=(-DRIVER_FORCE, DRIVER_FORCE),
-        forcelimited=True,
+    add_motor(
+        spec,
+        gripper,
+        side,
+        share=TENDON_SHARE,
+        force=DRIVER_FORCE,
+        damping=DRIVER_DAMPING,
+        band=SERVO_BAND,
     )
