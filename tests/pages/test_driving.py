@@ -277,7 +277,7 @@ def test_keys_move_by_a_step_and_go_on_while_held(
 WORDS = ("keep", "discard", "restore")
 KEYS = "1234567890-=qwertuiop[]asdfghjkl;'zxcvbnm,./ ".replace("p", "")
 """What types a character, without the two that decide."""
-OTHERS = ("Tab", "Home", "End", "Insert", "Delete", "PageUp", "PageDown", "ArrowUp", "Enter")
+OTHERS = ("Tab", "Home", "End", "Insert", "Delete", "PageUp", "PageDown", "ArrowUp", "F9")
 
 
 def said(page: Operated) -> list[int]:

@@ -32,10 +32,17 @@ def started() -> Iterator[Browser]:
 
 
 @contextmanager
-def opened(window: Browser, url: str, view: View = DESKTOP, *, script: str = "") -> Iterator[Page]:
+def opened(
+    window: Browser,
+    url: str,
+    view: View = DESKTOP,
+    *,
+    script: str = "",
+    forgiven: tuple[str, ...] = (),
+) -> Iterator[Page]:
     """A page; whoever opens it fails with the first error or warning that it writes.
 
-    A script runs before those of the page.
+    A script runs before those of the page. Lines with a forgiven word are none of its errors.
     """
     context = window.new_context(
         viewport={"width": view.width, "height": view.height},
@@ -50,7 +57,7 @@ def opened(window: Browser, url: str, view: View = DESKTOP, *, script: str = "")
     try:
         page.goto(url)
         yield page
-        assert complaints == []
+        assert [line for line in complaints if not any(map(line.count, forgiven))] == []
     finally:
         context.close()
 
