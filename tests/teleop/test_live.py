@@ -17,7 +17,7 @@ import pytest
 from duobench.core.spatial import SE3
 from duobench.data import DataSet
 from duobench.envs.sim_env import sim_of
-from duobench.teleop.teleop_page import WATCHING, TeleopPage
+from duobench.teleop.teleop_page import LEADING_VIEW, WATCHING, TeleopPage
 from duobench.teleop.teleoperation import AWAY, Teleoperation
 from duobench.web.geometry import Geometry
 from duobench.web.server import PageServer
@@ -91,7 +91,7 @@ def test_whoever_drives_leads_and_the_others_watch(session: Teleoperation) -> No
 def test_frames_show_where_the_bodies_are(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page:
         simulation = sim_of(session.env).simulation
-        geometry = Geometry(simulation.model, cameras=True)
+        geometry = Geometry(simulation.model, cameras=True, view=LEADING_VIEW)
         assert page.hear_of("scene")["name"] == geometry.name
         poses, step, _ = unpack_frame(page.frame())
         np.testing.assert_allclose(poses, geometry.poses(simulation.data), rtol=0, atol=1e-6)
