@@ -16,6 +16,7 @@ from pathlib import Path
 import mujoco
 
 from duobench.core.types import SIDES, Side
+from duobench.world.robot.frames import ROBOT
 from duobench.world.robot.mounts import HOME_JOINTS
 from duobench.world.scene import arms as scene_arms
 
@@ -49,7 +50,7 @@ def fr3(side: Side, path: Path) -> None:
     """Write one of our arms in the format of an older MuJoCo, which takes no servos of ours."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    scene_arms._add_kinematics(spec, side)
+    scene_arms._add_kinematics(spec, side, ROBOT)
     spec.compile()
     root = ET.fromstring(spec.to_xml())
     for servos in root.findall("actuator"):
