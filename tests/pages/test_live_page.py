@@ -369,7 +369,7 @@ def test_lost_connection_is_said_and_made_again(
     other.publish_status(STATUS)
     other.publish_scene(shown.geometry.name, shown.geometry.data)
     # What a browser writes while nobody answers is no fault of the page.
-    with opened(window, "about:blank", forgiven=("WebSocket", "net::ERR")) as page:
+    with opened(window, "about:blank", forgiven=("WebSocket",)) as page:
         page.goto(other.url)
         until(page, "document.querySelector('h1').textContent == 'transfer_cube'")
         other.close()

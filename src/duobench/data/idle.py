@@ -51,8 +51,8 @@ def idle_rows(
     """Tell which rows of a span are idle, (rows,).
 
     A row is idle if nobody leads, no judgement changes, and joints, tools, objects and targets are
-    still where the last used row left them, but for a small drift. No step from a used row to the
-    next one is longer than the longest step of the episode, so that a slow motion keeps some rows.
+    still where the last used row left them, but for a small drift. A step from a used row to the
+    next one exceeds the longest of the episode by `SEAM` at most: a slow motion keeps some rows.
     """
     first, end = span
     poses, rests, counts = _poses(recording, task)

@@ -19,7 +19,12 @@ from math import inf
 from duobench.core.randomness import ANY_YAW, Choice, around
 from duobench.core.spatial import SE3
 from duobench.core.types import SIDES
-from duobench.tasks.object_state import maze_of, pose, position, velocity
+from duobench.tasks.object_state import (
+    maze_of,
+    pose,
+    position,
+    velocity,
+)
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.stages.logic import Predicate, all_of
 from duobench.tasks.stages.predicates import (

@@ -20,8 +20,21 @@ from duobench.tasks.stages.predicates import lifted_by_any, released
 from duobench.tasks.stages.progress import Stage
 from duobench.tasks.stages.vessels import Vessel
 from duobench.tasks.task import Category, Placement, Task
-from duobench.world.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
-from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
+from duobench.world.objects.blocks import (
+    BLACK,
+    CHARCOAL,
+    CUBE_EDGE,
+    PALE,
+    WHITE,
+    cube,
+)
+from duobench.world.objects.bowl import (
+    FLOOR,
+    RADIUS,
+    RIM_HEIGHT,
+    WALL,
+    bowl,
+)
 from duobench.world.objects.prop import Prop
 from duobench.world.sim.layout import Layout
 

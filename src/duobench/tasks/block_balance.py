@@ -22,11 +22,26 @@ from duobench.core.randomness import around
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.stages import predicates as is_
 from duobench.tasks.stages.coordination import brought_together
-from duobench.tasks.stages.logic import Predicate, all_of, any_of, since
-from duobench.tasks.stages.placing import left_alone, low_over, placed, put
+from duobench.tasks.stages.logic import (
+    Predicate,
+    all_of,
+    any_of,
+    since,
+)
+from duobench.tasks.stages.placing import (
+    left_alone,
+    low_over,
+    placed,
+    put,
+)
 from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
-from duobench.world.objects.blocks import RED, WOOD, YELLOW, block
+from duobench.world.objects.blocks import (
+    RED,
+    WOOD,
+    YELLOW,
+    block,
+)
 from duobench.world.objects.prop import Prop
 
 CUBE_EDGE = 0.040

@@ -31,7 +31,12 @@ from duobench.tasks.stages.predicates import (
 )
 from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
-from duobench.world.objects.pot import HEIGHT, PLATE, pot, stove_plate
+from duobench.world.objects.pot import (
+    HEIGHT,
+    PLATE,
+    pot,
+    stove_plate,
+)
 from duobench.world.objects.prop import Prop
 
 HANDLES = ("pot/left_handle", "pot/right_handle")

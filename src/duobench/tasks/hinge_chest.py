@@ -32,8 +32,19 @@ from duobench.tasks.stages.predicates import (
 from duobench.tasks.stages.progress import Stage
 from duobench.tasks.stages.support import support
 from duobench.tasks.task import Category, Placement, Task
-from duobench.world.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, WHITE, cube
-from duobench.world.objects.chest import CAVITY, RIM_HEIGHT, WALL, chest
+from duobench.world.objects.blocks import (
+    BLACK,
+    CHARCOAL,
+    CUBE_EDGE,
+    WHITE,
+    cube,
+)
+from duobench.world.objects.chest import (
+    CAVITY,
+    RIM_HEIGHT,
+    WALL,
+    chest,
+)
 from duobench.world.objects.prop import Prop
 
 OPEN_ANGLE = 0.8

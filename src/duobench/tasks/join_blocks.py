@@ -20,7 +20,12 @@ from duobench.tasks.stages.insertion import Port, in_any_way, inserted
 from duobench.tasks.stages.joining import engaged, joining
 from duobench.tasks.stages.logic import all_of, any_of
 from duobench.tasks.stages.placing import placed, put
-from duobench.tasks.stages.predicates import grasped_apart, off_table, released, still
+from duobench.tasks.stages.predicates import (
+    grasped_apart,
+    off_table,
+    released,
+    still,
+)
 from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 from duobench.world.objects import joint_blocks as bars

@@ -21,7 +21,12 @@ from math import inf
 from duobench.core.randomness import ANY_YAW, around
 from duobench.tasks.paraphrases import kept_paraphrases, paraphrases
 from duobench.tasks.stages.logic import all_of
-from duobench.tasks.stages.placing import DROP_HEIGHT, lifted_off, low_over, placed
+from duobench.tasks.stages.placing import (
+    DROP_HEIGHT,
+    lifted_off,
+    low_over,
+    placed,
+)
 from duobench.tasks.stages.predicates import (
     BoxRegion,
     hinge_open,

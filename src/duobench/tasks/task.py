@@ -17,9 +17,19 @@ from duobench.core.errors import (
     check_known,
     escaped,
 )
-from duobench.core.randomness import EVAL, Choice, Uniform, generator
+from duobench.core.randomness import (
+    EVAL,
+    Choice,
+    Uniform,
+    generator,
+)
 from duobench.core.spatial import SE3
-from duobench.core.types import LONGEST, as_count, check_several, check_unit
+from duobench.core.types import (
+    LONGEST,
+    as_count,
+    check_several,
+    check_unit,
+)
 from duobench.tasks.object_state import Numbers, ObjectState, usual_numbers
 from duobench.tasks.stages.progress import Stage
 from duobench.world.objects.prop import Prop

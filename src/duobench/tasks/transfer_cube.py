@@ -31,8 +31,19 @@ from duobench.tasks.stages.predicates import (
 from duobench.tasks.stages.progress import Stage
 from duobench.tasks.stages.vessels import Vessel, stands_upright
 from duobench.tasks.task import Category, Placement, Task
-from duobench.world.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
-from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
+from duobench.world.objects.blocks import (
+    CUBE_EDGE,
+    LONG_BLOCK,
+    WHITE,
+    long_block,
+)
+from duobench.world.objects.bowl import (
+    FLOOR,
+    RADIUS,
+    RIM_HEIGHT,
+    WALL,
+    bowl,
+)
 from duobench.world.objects.prop import Prop
 
 CUBE, BOWL = "cube", "bowl"

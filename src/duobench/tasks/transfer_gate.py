@@ -31,7 +31,12 @@ from duobench.tasks.stages.predicates import (
 )
 from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
-from duobench.world.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
+from duobench.world.objects.blocks import (
+    CUBE_EDGE,
+    LONG_BLOCK,
+    WHITE,
+    long_block,
+)
 from duobench.world.objects.gate import (
     MAT_EDGE,
     MAT_THICKNESS,

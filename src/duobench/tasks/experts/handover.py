@@ -10,7 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from duobench.core.spatial import SE3, dot, length, product
+from duobench.core.spatial import (
+    SE3,
+    dot,
+    length,
+    product,
+)
 from duobench.core.types import Array, Side
 from duobench.tasks.experts.handling import pick, tool_for
 from duobench.tasks.experts.motion import (

@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duobench.core.spatial import SE3
-from duobench.core.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side
+from duobench.core.types import (
+    CONTROL_HZ,
+    SIDES,
+    Array,
+    DuoCommand,
+    Side,
+)
 from duobench.tasks.experts.variety import VarietySample
 from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.scene.naming import tcp_name

@@ -18,7 +18,13 @@ import numpy as np
 
 from duobench.core.randomness import Uniform, around, variety_generator
 from duobench.core.spatial import SE3
-from duobench.core.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
+from duobench.core.types import (
+    ARM_JOINTS,
+    CONTROL_HZ,
+    SIDES,
+    Array,
+    Side,
+)
 
 STRAIGHT = 0.10
 """Ways up to this length, in metres, stay straight: approaches, lifts, retreats."""

@@ -24,7 +24,12 @@ from duobench.tasks.shifts.shift import (
 )
 from duobench.tasks.task import Placement, Task
 from duobench.world.looks.catalog import look as named_look, random_look
-from duobench.world.looks.look import STUDIO, CameraOffset, Look, Material
+from duobench.world.looks.look import (
+    STUDIO,
+    CameraOffset,
+    Look,
+    Material,
+)
 from duobench.world.robot.cameras import CAMERAS
 
 _LIGHT, _COLOURS, _TEXTURES, _BACKGROUND, _OBJECTS = range(1, 6)

@@ -7,7 +7,13 @@ its place; what is let go before, or carried by one arm in between, must be pick
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from duobench.tasks.stages.logic import Predicate, all_of, any_of, held_for, since
+from duobench.tasks.stages.logic import (
+    Predicate,
+    all_of,
+    any_of,
+    held_for,
+    since,
+)
 from duobench.tasks.stages.placing import PUT_HEIGHT, low_over
 from duobench.tasks.stages.predicates import (
     grasped_apart,

@@ -7,8 +7,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from duobench.core.spatial import SE3, hypot, root, sum_of_products
-from duobench.tasks.stages.logic import Predicate, StateView, any_of, leaf
+from duobench.core.spatial import (
+    SE3,
+    hypot,
+    root,
+    sum_of_products,
+)
+from duobench.tasks.stages.logic import (
+    Predicate,
+    StateView,
+    any_of,
+    leaf,
+)
 from duobench.tasks.stages.predicates import USUAL_WAY, mm
 
 if TYPE_CHECKING:

@@ -17,7 +17,12 @@ from duobench.tasks.stages.insertion import (
     tip_in_words,
     tip_off,
 )
-from duobench.tasks.stages.logic import Predicate, held_for, leaf, since
+from duobench.tasks.stages.logic import (
+    Predicate,
+    held_for,
+    leaf,
+    since,
+)
 from duobench.tasks.stages.predicates import grasped_apart
 
 SOCKET_REACH = 0.010

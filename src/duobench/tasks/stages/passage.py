@@ -10,7 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from duobench.core.spatial import hypot
-from duobench.tasks.stages.logic import Predicate, StateView, all_of, leaf, since
+from duobench.tasks.stages.logic import (
+    Predicate,
+    StateView,
+    all_of,
+    leaf,
+    since,
+)
 from duobench.tasks.stages.predicates import USUAL_WAY, mm
 
 EXIT_DEPTH = 0.05

@@ -10,7 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from duobench.core.spatial import hypot
-from duobench.core.types import LONGEST, SIDES, Side, check_unit
+from duobench.core.types import (
+    LONGEST,
+    SIDES,
+    Side,
+    check_unit,
+)
 from duobench.tasks.stages.logic import (
     Predicate,
     StateView,

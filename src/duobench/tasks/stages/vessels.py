@@ -5,7 +5,12 @@ from dataclasses import dataclass
 from math import inf
 
 from duobench.tasks.stages.logic import Predicate, all_of
-from duobench.tasks.stages.placing import DROP_HEIGHT, lifted_off, low_over, put
+from duobench.tasks.stages.placing import (
+    DROP_HEIGHT,
+    lifted_off,
+    low_over,
+    put,
+)
 from duobench.tasks.stages.predicates import (
     CylinderRegion,
     inside,

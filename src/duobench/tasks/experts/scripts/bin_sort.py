@@ -2,7 +2,12 @@
 
 from duobench.core.types import Side
 from duobench.tasks.experts.handling import pick_cube, place
-from duobench.tasks.experts.motion import Arms, Script, down, together
+from duobench.tasks.experts.motion import (
+    Arms,
+    Script,
+    down,
+    together,
+)
 
 _GRASP_HEIGHT = 0.028
 _DROP_HEIGHT = 0.045

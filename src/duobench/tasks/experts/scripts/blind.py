@@ -9,7 +9,14 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from duobench.core.types import SIDES
-from duobench.tasks.experts.motion import CONTROL_STEP, NEAR, Arms, Script, grip, move
+from duobench.tasks.experts.motion import (
+    CONTROL_STEP,
+    NEAR,
+    Arms,
+    Script,
+    grip,
+    move,
+)
 from duobench.tasks.experts.scripts.ball_maze import (
     OPENING,
     TiltedBoard,

@@ -16,7 +16,12 @@ from duobench.tasks.experts.motion import (
     release,
     wait,
 )
-from duobench.world.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
+from duobench.world.objects.pot import (
+    HANDLE_OFFSET,
+    HANDLE_Z,
+    HEIGHT,
+    PLATE,
+)
 
 _APPROACH = 0.10
 """Height in metres above the handles from which the tools come straight down."""

@@ -25,7 +25,12 @@ from duobench.tasks.experts.motion import (
     move,
     together,
 )
-from duobench.world.objects.chest import HINGE, LID_LENGTH, LID_UNDERSIDE, OUTER_X
+from duobench.world.objects.chest import (
+    HINGE,
+    LID_LENGTH,
+    LID_UNDERSIDE,
+    OUTER_X,
+)
 
 HOLDER, INSERTER = Side.RIGHT, Side.LEFT
 _SLOPE = 0.9

@@ -21,7 +21,12 @@ from duobench.tasks.experts.motion import (
     together,
     wait,
 )
-from duobench.world.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
+from duobench.world.objects.joint_blocks import (
+    BAR,
+    PEG_HEIGHT,
+    PEG_LENGTH,
+    WALL_PLATE,
+)
 
 _BARS = {Side.LEFT: "light_block", Side.RIGHT: "dark_block"}
 _TILTS = {Side.LEFT: math.radians(20.0), Side.RIGHT: math.radians(-20.0)}

@@ -23,7 +23,13 @@ from duobench.tasks.experts.motion import (
     move,
     together,
 )
-from duobench.world.objects.microwave import BAR, FLOOR, FRONT, HEIGHT, HINGE
+from duobench.world.objects.microwave import (
+    BAR,
+    FLOOR,
+    FRONT,
+    HEIGHT,
+    HINGE,
+)
 
 HOLDER, INSERTER = Side.LEFT, Side.RIGHT
 _ASLANT, _FROM_BELOW = -1.1, 1.75

@@ -15,7 +15,13 @@ from duobench.tasks.experts.handover import (
     receive_pose,
     tool,
 )
-from duobench.tasks.experts.motion import NEAR, Arms, Script, move, together
+from duobench.tasks.experts.motion import (
+    NEAR,
+    Arms,
+    Script,
+    move,
+    together,
+)
 
 BAR = Bar(
     body="cube",
