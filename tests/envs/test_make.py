@@ -355,6 +355,7 @@ def test_options_that_editors_complete_are_those_of_the_configuration() -> None:
     told = dict(re.findall(r"^ *- `(\w+)` \((.+?)\): ", text, re.MULTILINE))
     assert list(told) == list(EnvOptions.__annotations__)
     assert told.pop("max_episode_steps") == "None"
+    assert told.pop("gripper") == "DEFAULT_GRIPPER"  # which alone names its kind
     defaults = {name: ast.literal_eval(text) for name, text in told.items()}
     assert EnvConfig.from_options(defaults) == EnvConfig()
     for function in (duobench.make, duobench.make_vec):

@@ -123,7 +123,7 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
               "dense": to it and to how near the next stage is.
             - `split` ("eval"): layouts; "train" for demonstrations.
             - `speed_fraction` (1.0): part of the joints' speed limits that the arms use.
-            - `gripper` ("robotiq_2f85"): one of `GRIPPERS`, on both arms, or "module:ATTRIBUTE".
+            - `gripper` (DEFAULT_GRIPPER): one of `GRIPPERS`, on both arms, or "module:ATTRIBUTE".
             - `mount` ("duo"): how the arms are mounted; "wide" has them 200 mm further apart.
             - `render_mode` (None): "rgb_array", for `render`.
             - `render_size` (480, 640): height and width of its image, in pixels.
