@@ -50,8 +50,7 @@ BEAM = (0.040, 0.200, 0.020)
 BLOCK = (0.030, 0.030, 0.090)
 """A block stands upright."""
 TIPPING = CUBE_EDGE / 2 * (1 + math.prod(BEAM) / math.prod(BLOCK))
-"""Distance in metres from the beam's middle from which on a block alone tips it over the cube's
-edge (60 mm), all of one density: the ends of the beam, where both are needed, begin there."""
+"""Distance in metres (60 mm) from a beam's middle at which one block of its density tips it."""
 
 
 def _over_beam(low: float, high: float) -> is_.BoxRegion:
