@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from duobench.core.lerobot_keys import (
 )
 from duobench.envs.action_labels import LABELS, find
 from duobench.envs.spaces import JOINT_NAMES
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 Rows = NDArray[np.float32]
 UNTIL = ("end", "success", "release")
@@ -56,6 +57,8 @@ class Demonstrations:
     """What each number of an object state is."""
     recorded: NDArray[np.int64] = field(default_factory=lambda: np.arange(0))
     """Row (T,) of its recording that each row is; files of policies may lack it."""
+    gripper: str = DEFAULT_GRIPPER
+    """What was on the arms."""
 
     @staticmethod
     def load(
@@ -89,9 +92,10 @@ class Demonstrations:
         state, objects, labels = state[kept], objects[kept], labels[kept]
         names = feature_names(info, OBJECT_STATE) or []
         lengths = np.unique(number[kept], return_counts=True)[1]
-        return Demonstrations(
-            state, objects, labels, lengths, tuple(names), recorded[kept]
-        )
+        about = json.loads((folder / "meta/duobench.json").read_text())
+        gripper = about.get("robot") or DEFAULT_GRIPPER
+        parts = state, objects, labels, lengths, tuple(names), recorded[kept]
+        return Demonstrations(*parts, gripper)
 
     def __add__(self, other: Demonstrations) -> Demonstrations:
         """Those of the other one behind these."""
@@ -100,7 +104,13 @@ class Demonstrations:
             np.concatenate([getattr(self, name), getattr(other, name)])
             for name in columns
         )
-        return Demonstrations(state, objects, labels, lengths, self.names, recorded)
+        parts = state, objects, labels, lengths, self.names, recorded
+        return Demonstrations(*parts, self.gripper)
+
+    def still(self) -> Demonstrations:
+        """The same without what no single image shows: how fast things move."""
+        moves = np.array(["_velocity_" in name for name in self.names])
+        return replace(self, objects=np.where(moves, 0, self.objects))
 
     def split(self, every: int) -> tuple[Demonstrations, Demonstrations]:
         """Those to learn from, and every n-th one, by which is seen whether that goes on."""
@@ -126,7 +136,7 @@ class Demonstrations:
     ) -> Demonstrations:
         parts = (part[rows] for part in (self.state, self.objects, self.labels))
         lengths, recorded = self.lengths[episodes], self.recorded[rows]
-        return Demonstrations(*parts, lengths, self.names, recorded)
+        return Demonstrations(*parts, lengths, self.names, recorded, self.gripper)
 
     def chunks(self, horizon: int) -> NDArray[np.int64]:
         """Rows of the chunk (T, horizon) that begins in each row; the last row is held."""

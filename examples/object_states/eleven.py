@@ -25,6 +25,7 @@ from network import Network
 
 from duobench.core.errors import PolicyError
 from duobench.tasks import catalog
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 LIST = "files.sha256"
 
@@ -49,7 +50,9 @@ def read(path: Path) -> Network | Nearest:
     parts = dict(np.load(path))
     if "about" in parts:
         return Network(path)
-    return Nearest(Demonstrations(**parts | {"names": tuple(map(str, parts["names"]))}))
+    parts["names"] = tuple(map(str, parts["names"]))
+    parts["gripper"] = str(parts.get("gripper", DEFAULT_GRIPPER))
+    return Nearest(Demonstrations(**parts))
 
 
 class Eleven:

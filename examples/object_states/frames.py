@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
 from duobench.core.types import ARM_JOINTS, SIDES
-from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.frames import ROBOT, Robot
 
 Rows = NDArray[np.float32]
 QUARTERS = 4
@@ -37,18 +37,21 @@ class Frames:
     """By how many quarters (T, K) the x axis of an object was turned clockwise."""
 
 
-def frames(state: Rows, objects: Rows, names: tuple[str, ...]) -> Frames:
+def frames(
+    state: Rows, objects: Rows, names: tuple[str, ...], robot: Robot = ROBOT
+) -> Frames:
     """The frames in a state.
 
     Args:
         state: Joints and openings (T, 16).
         objects: Object states (T, n).
         names: What each number of an object state is.
+        robot: Whose tools they are.
     """
     joints = state.reshape(len(state), len(SIDES), -1)[..., :ARM_JOINTS].astype(
         np.float64
     )
-    tools = [ROBOT.tool_frames(side, joints[:, side.index]) for side in SIDES]
+    tools = [robot.tool_frames(side, joints[:, side.index]) for side in SIDES]
     table = np.tile(np.eye(3), (len(state), 1, 1))
     positions, rotations = [p for p, _ in tools], [r for _, r in tools]
     quarters = [np.zeros(len(state), np.int64)] * len(SIDES)
@@ -78,13 +81,16 @@ def bodies(names: tuple[str, ...]) -> list[str]:
     ]
 
 
-def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
+def features(
+    state: Rows, objects: Rows, names: tuple[str, ...], robot: Robot = ROBOT
+) -> Rows:
     """What a policy sees (T, k): the state itself, and every tool and object from every object.
 
     Args:
         state: Joints and openings (T, 16).
         objects: Object states (T, n).
         names: What each number of an object state is.
+        robot: Whose tools they are.
 
     Raises:
         DataError: The object states have other numbers, as those of another task.
@@ -94,7 +100,7 @@ def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
             f"Object states of {objects.shape[1]} numbers are those of another task than the "
             f"demonstrated ones, which have {len(names)}."
         )
-    here, rows = frames(state, objects, names), len(state)
+    here, rows = frames(state, objects, names, robot), len(state)
     seen = [state, objects]
     for k in range(here.positions.shape[1]):
         back = here.rotations[:, k]

@@ -1,15 +1,14 @@
 """The network of this folder, told by images where things are.
 
-Three small convolutional networks, one a camera, look for places in the images (the centres of
-mass of maps). From these follows the object state, which the network takes. Object states teach it
-where things are, in training alone. Trained and played with PyTorch.
+`sight.py` finds the object state in the images of all cameras, and the network that was trained
+on object states acts on it. Object states are what it learns to see by, in training alone: those of
+demonstrations, and of layouts at rest under arms that are anywhere. PyTorch trains and plays it.
 
-What the robot says of itself is not among what it sees by: in demonstrations a hand is where its
-object is, so that a hand that went astray would be told that its object is there too.
-
-    python network.py exports/carry_pot acts.npz --episodes 200 --seed 0
+    python network.py exports/carry_pot acts.npz --episodes 200 --seed 0 --still
     python images.py demos exports/carry_pot acts.npz sees.npz --episodes 200 --seed 0
     CHECKPOINT=sees.npz duobench eval --policy images:Images --tasks carry_pot --out runs/images
+
+`--still` keeps from what acts how fast things move, which no single image shows.
 """
 
 from __future__ import annotations
@@ -27,92 +26,68 @@ import torch
 from demonstrations import Demonstrations, Rows
 from frames import QUARTERS, bodies, frames
 from numpy.typing import NDArray
-from torch import nn
+from pictures import Pictures, at_rest, watch
+from sight import SIZES, Sight, places_of_cameras
 
 from duobench.core.errors import DataError, DuoBenchError, PolicyError
 from duobench.core.types import SIDES
-from duobench.data import DataSet, ImageSource
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.frames import robot_with
 
-SIZE = 96
-"""Height and width of images, in pixels."""
-PLACES = 32
-"""Places that are looked for in an image."""
-STRIDES = (2, 4, 4)
-"""Pixels from one of the cells in which they are looked for to the next, of each camera: more of
-those on the wrists, which are near."""
-CHANNELS = 32
-EVERY = 3
-"""Rows of a demonstration from one image that is learned from to the next."""
+EARLY = 10
+"""The n-th row of an episode is drawn with a weight of 1 / (n + `EARLY`): what is seen in the first
+ones decides where hands go, and many later ones look alike."""
 SIGHT = "sight."
 """What names of its arrays begin with in the file of a network."""
-Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class Training:
-    """How long it learns to see."""
+    """How long it learns to see, and from what beside demonstrations."""
 
-    batch: int = 64
-    rate: float = 3e-3
-    passes: int = 30
-    """Over the images of all demonstrations; the rate falls to zero over them."""
-    warm_up: int = 200
+    batch: int = 32
+    rate: float = 2e-3
+    passes: int = 12
+    """Over all images; the rate falls to zero over them."""
+    warm_up: int = 50
     """Steps."""
-    held_out: int = 10
-    """Every n-th demonstration is not learned from."""
-    early: int = 10
-    """The n-th row of a demonstration is drawn with a weight of 1 / (n + `early`): what is seen in
-    the first ones decides where hands go, and many later ones look alike."""
+    layouts: int = 2000
+    """Layouts at rest."""
     device: str = "cpu"
     """What PyTorch trains on; it plays on the processor."""
 
 
-class Eye(nn.Module):
-    """Where one camera sees what it looks for."""
+@dataclass(frozen=True)
+class Kinds:
+    """Which numbers of what is seen are of which kind; each has a loss of its own."""
 
-    def __init__(self, stride: int) -> None:
-        super().__init__()
-        self.layers = nn.Sequential(
-            nn.Conv2d(3, CHANNELS, 2 * stride + 1, stride, padding=stride),
-            nn.ReLU(),
-            nn.Conv2d(CHANNELS, CHANNELS, 3, padding=1),
-            nn.ReLU(),
-            nn.Conv2d(CHANNELS, PLACES, 3, padding=1),
-        )
-        line = torch.linspace(-1, 1, SIZE // stride)
-        grid = torch.stack(torch.meshgrid(line, line, indexing="ij"), -1).view(-1, 2)
-        self.register_buffer("grid", grid, persistent=False)
+    places: list[slice]
+    """Places of objects."""
+    axes: list[slice]
+    """Axes of objects."""
+    chosen: list[int]
+    """Numbers that a layout chose, such as a wall: they are whole, and never change."""
+    quarters: list[int]
+    """Quarters of a turn, of objects with axes."""
+    others: list[int]
+    """All others, such as the angle of a hinge."""
 
-    def forward(self, images: torch.Tensor) -> torch.Tensor:
-        """Places (B, 2·PLACES), from -1 to 1, in images (B, 3, SIZE, SIZE) of 0 to 255."""
-        how = {"dtype": torch.bfloat16, "enabled": self.training}  # twice as fast
-        with torch.autocast(images.device.type, **how):
-            maps = self.layers(images.float() / 127.5 - 1)
-        return (maps.float().flatten(2).softmax(-1) @ self.grid).flatten(1)
-
-
-class Sight(nn.Module):
-    """From images to what `shown` makes of the object state."""
-
-    def __init__(self, scale: Mapping[str, NDArray[Any]]) -> None:
-        super().__init__()
-        self.eyes = nn.ModuleList(Eye(stride) for stride in STRIDES)
-        self.find = nn.Sequential(
-            nn.Linear(len(STRIDES) * PLACES * 2, network.WIDTH),
-            nn.GELU(),
-            nn.Linear(network.WIDTH, network.WIDTH),
-            nn.GELU(),
-            nn.Linear(network.WIDTH, len(scale["o_mean"])),
-        )
-        for key in ("o_mean", "o_scale"):
-            self.register_buffer(key, torch.from_numpy(scale[key]).float())
-
-    def forward(self, images: Sequence[torch.Tensor]) -> torch.Tensor:
-        """What is seen (B, k), normal, in one image of each camera (B, 3, SIZE, SIZE)."""
-        return self.find(
-            torch.cat([eye(i) for eye, i in zip(self.eyes, images, strict=True)], 1)
-        )
+    @staticmethod
+    def of(data: Demonstrations) -> Kinds:
+        """Those of demonstrations."""
+        first = np.repeat(np.cumsum(data.lengths) - data.lengths, data.lengths)
+        still = (data.objects == data.objects[first]).all(0)
+        whole = (data.objects == data.objects.round()).all(0)
+        places = [data.names.index(f"{body}_x") for body in bodies(data.names)]
+        places = [slice(x, x + 3) for x in places]
+        axes = [part for _, x, z in _axes(data.names) for part in (x, z)]
+        known = {n for part in places + axes for n in range(part.start, part.stop)}
+        vary = (data.objects != data.objects[0]).any(0)
+        chosen = sorted(set(np.flatnonzero(still & whole & vary).tolist()) - known)
+        count = len(data.names)
+        quarters = list(range(count, count + QUARTERS * len(_axes(data.names))))
+        others = sorted(set(range(count)) - known - set(chosen))
+        return Kinds(places, axes, chosen, quarters, others)
 
 
 def shown(objects: Rows, names: tuple[str, ...]) -> Rows:
@@ -154,6 +129,14 @@ def _axes(names: tuple[str, ...]) -> list[tuple[int, slice, slice]]:
     return found
 
 
+def turned(objects: Rows, names: tuple[str, ...]) -> list[torch.Tensor]:
+    """Positions (T, K, 3) and rotations (T, K, 3, 3) of objects with axes, turned forwards."""
+    here = frames(np.zeros((len(objects), 16), np.float32), objects, names)
+    things = [k for k, _, _ in _axes(names)]
+    parts = here.positions[:, things], here.rotations[:, things]
+    return [torch.from_numpy(part).float() for part in parts]
+
+
 def check(acts: Path, data: Demonstrations) -> None:
     """Refuse a network that acts on other object states than those of demonstrations.
 
@@ -167,10 +150,15 @@ def check(acts: Path, data: Demonstrations) -> None:
         )
 
 
+def see(demos: Path, task: str, data: Demonstrations, layouts: int) -> Pictures:
+    """Render what there is to learn from; see `watch` and `at_rest`."""
+    return watch(demos, task, data) + at_rest(task, data, layouts)
+
+
 def train(
     acts: Path,
     data: Demonstrations,
-    images: Sequence[Pixels],
+    pictures: Pictures,
     out: Path,
     seed: int,
     how: Training | None = None,
@@ -180,170 +168,201 @@ def train(
     Args:
         acts: File of a network on object states.
         data: Demonstrations.
-        images: What `watch` renders of them.
+        pictures: Images of them, and more.
         out: The file, with both.
         seed: Of the numbers at the start, and the order.
         how: How long.
 
     Returns:
-        What is told of it: passes over the images, steps, and how far off objects are seen in
-        demonstrations held out, in millimetres.
+        What is told of it: passes over the images, steps, how many images of a camera there are,
+        and how far off what it does not learn from is seen; see `_Rows.told`.
 
     Raises:
-        DataError: There are too few demonstrations, or the network that acts is of another task.
+        DataError: The network that acts is of another task.
     """
     check(acts, data)
     how = how or Training()
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    rows = _Rows(data, images, how)
-    net = Sight(rows.scale).to(
-        how.device, memory_format=torch.channels_last
-    )  # as pictures are
+    rows = _Rows(data, pictures, how.device)
+    net = rows.sight().to(how.device, memory_format=torch.channels_last)
     adam = torch.optim.AdamW(
         net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True
     )
-    steps = how.passes * math.ceil(len(rows.learned) / how.batch)
+    steps = math.ceil(how.passes * len(rows.learned) / how.batch)
     for k in range(steps):
         for group in adam.param_groups:
-            group["lr"] = how.rate * min(1.0, (k + 1) / how.warm_up) * (1 - k / steps)
-        drawn = torch.multinomial(rows.shares, how.batch, replacement=True)
-        error = rows.errors(net, rows.learned[drawn]).abs().mean()
+            left = 1 - k / steps
+            group["lr"] = how.rate * min(1.0, (k + 1) / how.warm_up) * left
+        losses = rows.losses(net, rows.drawn(how.batch))
         adam.zero_grad()
-        error.backward()
+        torch.stack(list(losses.values())).sum().backward()
         adam.step()
         if k % 200 == 0:
-            print(f"step {k + 1} of {steps}: error {error:.3f}", flush=True)
-    off = rows.millimetres(net.eval())
-    sight = {
-        f"{SIGHT}{name}": value.cpu().numpy()
-        for name, value in net.state_dict().items()
-    }
-    np.savez(out, **dict(np.load(acts)) | sight)
-    return {"passes": how.passes, "steps": steps, "objects_off_mm": round(off, 1)}
+            told = ", ".join(
+                f"{kind} {float(one.detach()):.3f}" for kind, one in losses.items()
+            )
+            print(f"step {k + 1} of {steps}: {told}", flush=True)
+    sight = {f"{SIGHT}{k}": v.cpu().numpy() for k, v in net.state_dict().items()}
+    chosen = np.array(rows.kinds.chosen, dtype=np.int64)
+    np.savez(out, **dict(np.load(acts)) | sight, chosen=chosen)
+    told = {"passes": how.passes, "steps": steps, "images": len(pictures.state)}
+    return told | rows.told(Images(out))
 
 
 class _Rows:
-    """Every third row of demonstrations as tensors, and what is seen in it."""
+    """Images to learn from, and what is seen in them."""
 
-    def __init__(
-        self, data: Demonstrations, images: Sequence[Pixels], how: Training
-    ) -> None:
-        seen = shown(data.objects, data.names)[::EVERY]
+    def __init__(self, data: Demonstrations, pictures: Pictures, device: str) -> None:
+        self.kinds, self._names = Kinds.of(data), data.names
+        self._pictures, self._device = pictures, device
+        self._held = np.flatnonzero(pictures.held)
+        self.learned = np.flatnonzero(~pictures.held)
+        self._shares = 1.0 / torch.from_numpy(pictures.before[self.learned] + EARLY)
+        seen = shown(pictures.objects, data.names)
         self.scale = {"o_mean": seen.mean(0), "o_scale": seen.std(0) + network.LEAST}
-        held = np.repeat(data.held_out(how.held_out), data.lengths)[::EVERY]
-        self.learned, self._held = (
-            torch.from_numpy(np.flatnonzero(rows)).to(how.device)
-            for rows in (~held, held)
+        self._seen = torch.from_numpy(seen)
+        robot = robot_with(data.gripper)
+        self._cameras = torch.from_numpy(places_of_cameras(pictures.state, robot))
+        self._turned = turned(pictures.objects, data.names)
+
+    def sight(self) -> Sight:
+        """A network that sees them."""
+        return Sight(self._names, self.scale, self.kinds.chosen + self.kinds.quarters)
+
+    def drawn(self, count: int) -> NDArray[np.int64]:
+        """Some rows to learn from."""
+        drawn = torch.multinomial(self._shares, count, replacement=True)
+        return self.learned[drawn.numpy()]
+
+    def images(self, rows: NDArray[np.int64]) -> list[torch.Tensor]:
+        """Those of some rows, of each camera (B, 3, height, width)."""
+        found = (torch.from_numpy(one[rows]) for one in self._pictures.images)
+        return [one.permute(0, 3, 1, 2).to(self._device) for one in found]
+
+    def losses(self, net: Sight, rows: NDArray[np.int64]) -> dict[str, torch.Tensor]:
+        """Errors of some rows by kind: how surprising pixels are, and in standard deviations."""
+        kinds, images = self.kinds, self.images(rows)
+        cameras, seen = (
+            one[rows].to(self._device) for one in (self._cameras, self._seen)
         )
-        before = np.concatenate([np.arange(length) for length in data.lengths])[::EVERY]
-        self.shares = 1 / (torch.from_numpy(before[~held]).to(how.device) + how.early)
-        pictures = (torch.from_numpy(one).to(how.device) for one in images)
-        self._pictures = [one.permute(0, 3, 1, 2) for one in pictures]
-        self._seen = torch.from_numpy(seen).to(how.device)
-        places = [data.names.index(f"{body}_x") for body in bodies(data.names)]
-        self._places = torch.tensor([[x, x + 1, x + 2] for x in places])
+        found, maps = net(images, cameras)
+        wrong, count = [], []
+        points = seen[:, net.places]
+        there = net.pixels(points, cameras)
+        for eye, shares, (pixels, within) in zip(net.eyes, maps, there, strict=True):
+            wrong.append((eye.surprise(shares, pixels) * within).sum())
+            count.append(within.sum())
+        losses = {
+            "pixels": torch.stack(wrong).sum() / torch.stack(count).sum().clamp(min=1)
+        }
+        off = (found - (seen - net.o_mean) / net.o_scale).abs()
+        losses["places"] = torch.stack([off[:, part] for part in kinds.places]).mean()
+        if kinds.axes:
+            losses["axes"] = torch.stack([off[:, part] for part in kinds.axes]).mean()
+        if kinds.others:
+            losses["others"] = off[:, kinds.others].mean()
+        if kinds.quarters:
+            moved = [one[rows].to(self._device) for one in self._turned]
+            moved = [one + network.NOISE * torch.randn_like(one) for one in moved]
+            label = (seen - net.o_mean) / net.o_scale
+            read = net.read(images, cameras, *moved)
+            losses["read"] = (read - label[:, net.reads_what]).abs().mean()
+        return losses
 
-    def errors(self, net: Sight, rows: torch.Tensor) -> torch.Tensor:
-        """Errors of what is seen in some rows (B, k), normal."""
-        seen = (self._seen[rows] - net.o_mean) / net.o_scale
-        return net([one[rows] for one in self._pictures]) - seen
+    def told(self, sees: Images) -> dict[str, Any]:
+        """How well is seen what is not learned from.
 
-    def millimetres(self, net: Sight) -> float:
-        """How far off objects are seen on average in demonstrations that are not learned from."""
-        with torch.no_grad():
-            parts = [self.errors(net, rows) for rows in self._held.split(256)]
-        off = (torch.cat(parts) * net.o_scale).cpu()[:, self._places]
-        return 1000 * float(off.norm(dim=-1).mean())
+        Returns:
+            Of each object how far off it is in millimetres: on average, in first rows, and what
+            always saying the mean is; how many degrees its axes are off, in the first two; the
+            share of what layouts chose that is read right.
+        """
+        held, true = self._held, self._pictures.objects[self._held]
+        parts = np.array_split(held, math.ceil(len(held) / 64))
+        state = self._pictures.state
+        found = [sees.look(self.images(rows), state[rows]) for rows in parts]
+        found = np.concatenate(found)
+        first = self._pictures.before[held] == 0
+        mean = self.scale["o_mean"]
+        places, turns = {}, {}
+        for body, part in zip(bodies(self._names), self.kinds.places, strict=True):
+            off = 1000 * np.linalg.norm(found[:, part] - true[:, part], axis=1)
+            least = 1000 * np.linalg.norm(mean[part] - true[:, part], axis=1)
+            places[body] = _rounded(off.mean(), off[first].mean(), least.mean())
+        here, there = (shown(one, self._names) for one in (found, true))
+        for part in self.kinds.axes:
+            cosine = (here[:, part] * there[:, part]).sum(1).clip(-1, 1)
+            off = np.degrees(np.arccos(cosine))
+            name = self._names[part.start].removesuffix("_x")
+            turns[name] = _rounded(off.mean(), off[first].mean())
+        told: dict[str, Any] = {"off_mm": places, "off_degrees": turns}
+        if self.kinds.chosen:
+            right = found[:, self.kinds.chosen].round() == true[:, self.kinds.chosen]
+            told["read_right"] = round(float(right[first].mean()), 4)
+        return told
 
 
-def watch(demos: Path, task: str, data: Demonstrations) -> list[Pixels]:
-    """Render every third row of demonstrations.
-
-    Args:
-        demos: Folder of the recordings that the export was made of.
-        task: Their task.
-        data: The demonstrations, which say how many.
-
-    Returns:
-        Images (T / EVERY, SIZE, SIZE, 3) of each camera.
-
-    Raises:
-        DataError: The recordings are others.
-    """
-    rows = len(range(0, len(data.state), EVERY))
-    images = [np.empty((rows, SIZE, SIZE, 3), np.uint8) for _ in POLICY_CAMERAS]
-    recordings = DataSet.open(demos, create=False).recordings(task)
-    source = ImageSource(task, size=(SIZE, SIZE))
-    first, place = 0, 0
-    for number, length in enumerate(data.lengths.tolist()):
-        recording, state = next(recordings, None), data.state[first : first + length]
-        recorded = data.recorded[first : first + length]
-        if (
-            recording is None
-            or len(recording) <= recorded.max()
-            or not np.allclose(recording.agent_pos[recorded], state, atol=1e-5)
-        ):
-            raise DataError(
-                f"Episode {number} of {task} in {demos} is not that of the export."
-            )
-        for row in range(-first % EVERY, length, EVERY):
-            shown = source.images(recording, recorded[row])
-            for all_of_it, camera in zip(images, POLICY_CAMERAS, strict=True):
-                all_of_it[place] = shown[camera]
-            place += 1
-        first += length
-        if number % 20 == 0:
-            print(
-                f"{task}: {number + 1} of {len(data.lengths)} episodes rendered",
-                flush=True,
-            )
-    source.close()
-    return images
+def _rounded(*values: float) -> list[float]:
+    return [round(float(value), 1) for value in values]
 
 
 class Images(network.Network):
     """Plays a trained network on what it sees."""
 
-    def __init__(self) -> None:
-        """Read the file that the variable CHECKPOINT names."""
-        super().__init__()
-        scale = {
-            k.removeprefix(SIGHT): v
-            for k, v in self._net.items()
-            if k.startswith(SIGHT)
-        }
-        if not scale:
+    def __init__(self, path: Path | None = None) -> None:
+        """Read a file, or the one that the variable CHECKPOINT names."""
+        super().__init__(path)
+        if "chosen" not in self._net:
             raise PolicyError(
                 "CHECKPOINT names a network that sees no images: python images.py DEMOS EXPORT "
                 "NETWORK OUT trains one that does."
             )
         torch.set_num_threads(1)
-        self._sight = Sight(scale).eval()
-        self._sight.load_state_dict(
-            {name: torch.from_numpy(a) for name, a in scale.items()}
-        )
+        parts = {
+            name.removeprefix(SIGHT): torch.from_numpy(value)
+            for name, value in self._net.items()
+            if name.startswith(SIGHT)
+        }
+        scale = {key: parts[key].numpy() for key in ("o_mean", "o_scale")}
+        self._chosen = self._net["chosen"].tolist()
+        quarters = range(len(self.names), len(scale["o_mean"]))
+        self._sight = Sight(self.names, scale, [*self._chosen, *quarters]).eval()
+        self._sight.load_state_dict(parts)
+        self._read: list[Rows] = []
         self.metadata = replace(
             self.metadata,
             name="frames of things, from images",
             cameras=POLICY_CAMERAS,
-            image_size=(SIZE, SIZE),
+            image_sizes=SIZES,
             object_state=False,
         )
 
+    def reset(self, instruction: str, seed: int) -> None:
+        """Begin an episode, of which nothing was read."""
+        super().reset(instruction, seed)
+        self._read = []
+
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
-        return super().act(
-            {**observation, "environment_state": self.objects(observation)}
-        )
+        images = (observation["pixels"][camera] for camera in POLICY_CAMERAS)
+        images = [torch.tensor(one.transpose(2, 0, 1))[None] for one in images]
+        objects = self.look(images, observation["agent_pos"][None])[0]
+        self._read.append(objects[self._chosen])  # which never changes: all looks count
+        objects[self._chosen] = np.mean(self._read, axis=0).round()
+        return super().act({**observation, "environment_state": objects})
 
-    def objects(self, observation: Mapping[str, Any]) -> Rows:
-        """The object state (n,) as it is seen."""
-        pixels = (observation["pixels"][camera] for camera in POLICY_CAMERAS)
-        images = [torch.tensor(one.transpose(2, 0, 1))[None] for one in pixels]
+    def look(self, images: Sequence[torch.Tensor], state: Rows) -> Rows:
+        """Object states (B, n) as they are seen; what the layout chose is not yet whole."""
+        sight = self._sight
+        cameras = torch.from_numpy(places_of_cameras(state, self._robot))
         with torch.no_grad():
-            seen = self._sight(images) * self._sight.o_scale + self._sight.o_mean
-        return recognized(seen.numpy(), self.names)[0]
+            seen = sight(images, cameras)[0] * sight.o_scale + sight.o_mean
+            there = turned(recognized(seen.numpy(), self.names), self.names)
+            read = sight.read(images, cameras, *there)
+            columns = sight.reads_what
+            seen[:, columns] = read * sight.o_scale[columns] + sight.o_mean[columns]
+        return recognized(seen.numpy(), self.names)
 
 
 if __name__ == "__main__":
@@ -353,7 +372,7 @@ if __name__ == "__main__":
         "export", type=Path, help="what was exported of them, of one task"
     )
     parser.add_argument(
-        "acts", type=Path, help="network that network.py made of the same"
+        "acts", type=Path, help="network that network.py --still made of the same"
     )
     parser.add_argument("out", type=Path)
     parser.add_argument("--episodes", type=int)
@@ -361,10 +380,10 @@ if __name__ == "__main__":
     parser.add_argument("--device", default="cpu", help="what PyTorch trains on")
     asked = parser.parse_args()
     try:
-        demonstrations = Demonstrations.load(asked.export, asked.episodes)
+        demonstrations = Demonstrations.load(asked.export, asked.episodes).still()
         check(asked.acts, demonstrations)  # before what takes minutes
-        pictures = watch(asked.demos, asked.export.name, demonstrations)
         how = Training(device=asked.device)
-        print(train(asked.acts, demonstrations, pictures, asked.out, asked.seed, how))
+        images = see(asked.demos, asked.export.name, demonstrations, how.layouts)
+        print(train(asked.acts, demonstrations, images, asked.out, asked.seed, how))
     except DuoBenchError as error:
         parser.exit(1, f"error: {error}\n")

@@ -23,6 +23,7 @@ from demonstrations import (
 from frames import features
 
 from duobench.policy import PolicyMetadata
+from duobench.world.robot.frames import robot_with
 
 HORIZON = 30
 """Actions that are played of each demonstration."""
@@ -42,7 +43,8 @@ class Nearest:
                 checkpoint(), episodes, os.environ.get("UNTIL", "end")
             )
         self._data = data
-        seen = features(self._data.state, self._data.objects, self._data.names)
+        robot = robot_with(self._data.gripper)
+        seen = features(self._data.state, self._data.objects, self._data.names, robot)
         self._mean, self._scale = seen.mean(axis=0), seen.std(axis=0) + 1e-3
         self._seen = (seen - self._mean) / self._scale
         self._chunks = self._data.chunks(HORIZON)
@@ -66,7 +68,9 @@ class Nearest:
             observation["agent_pos"][None],
             observation["environment_state"][None],
         )
-        now = (features(state, objects, self._data.names)[0] - self._mean) / self._scale
+        robot = robot_with(self._data.gripper)
+        now = features(state, objects, self._data.names, robot)[0]
+        now = (now - self._mean) / self._scale
         row = int(np.argmin(((self._seen - now) ** 2).sum(axis=1)))
         chunk = self._data.labels[self._chunks[row]].copy()
         for label in chunk:

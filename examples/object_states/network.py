@@ -15,6 +15,7 @@ import argparse
 import hashlib
 import json
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +37,8 @@ from numpy.typing import NDArray
 from duobench.core.errors import DataError, DuoBenchError, PolicyError
 from duobench.core.types import SIDES
 from duobench.policy import PolicyMetadata
+from duobench.world.robot.frames import robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 HORIZON, WIDTH, BLOCKS = 30, 256, 3
 KNOTS = (0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 29)
@@ -133,7 +136,7 @@ def train(
     learn(how.decay, fall=True)
     weights = {name: value.cpu().numpy() for name, value in net.state_dict().items()}
     about = {"names": data.names, "openings": openings(data.labels)}
-    about |= {"mode": action_mode(data.labels)}
+    about |= {"mode": action_mode(data.labels), "gripper": data.gripper}
     np.savez(out, about=json.dumps(about), **scale, **weights)
     passes = len(errors) * how.every + how.decay
     return {
@@ -154,7 +157,8 @@ def _is_over(errors: list[float], how: Training) -> bool:
 
 
 def _scale(data: Demonstrations) -> dict[str, Any]:
-    seen = features(data.state, data.objects, data.names)
+    robot = robot_with(data.gripper)
+    seen = features(data.state, data.objects, data.names, robot)
     scale = {"x_mean": seen.mean(0), "x_scale": seen.std(0) + LEAST}
     return scale | {"y_mean": data.labels.mean(0), "y_scale": data.labels.std(0) + 1e-3}
 
@@ -178,8 +182,9 @@ class _Rows:
     ) -> None:
         import torch
 
-        here = frames(data.state, data.objects, data.names)
-        seen = _normal(features(data.state, data.objects, data.names), scale)
+        now = data.state, data.objects, data.names, robot_with(data.gripper)
+        here = frames(*now)
+        seen = _normal(features(*now), scale)
         labels = (data.labels - scale["y_mean"]) / scale["y_scale"]
         parts = (seen, here.positions, here.rotations, labels)
         self.x, self.positions, self.rotations, self._labels = (
@@ -268,7 +273,10 @@ class Network:
     """Plays a trained network."""
 
     def __init__(self, path: Path | None = None) -> None:
-        """Read a file, or the one that the variable CHECKPOINT names."""
+        """Read a file, or the one that the variable CHECKPOINT names.
+
+        The variable GRIPPER names what is on the arms, where that is not what it learned with.
+        """
         path = path or checkpoint()
         if path.is_dir() or not path.exists():
             raise PolicyError(
@@ -279,6 +287,8 @@ class Network:
         about = json.loads(str(self._net["about"]))
         self.names, self._openings = tuple(about["names"]), about["openings"]
         self._grippers = Grippers(self._openings)
+        gripper = about.get("gripper", DEFAULT_GRIPPER)
+        self._robot = robot_with(os.environ.get("GRIPPER", gripper))
         self._blend = blend()
         self.metadata = PolicyMetadata(
             name="frames of things",
@@ -299,8 +309,8 @@ class Network:
             observation["agent_pos"][None],
             observation["environment_state"][None],
         )
-        seen = _normal(features(state, objects, self.names), self._net)[0]
-        chunk = self.chunk(seen, frames(state, objects, self.names))
+        now = state, objects, self.names, self._robot
+        chunk = self.chunk(_normal(features(*now), self._net)[0], frames(*now))
         for label in chunk:
             self._grippers.switch(label)
         return to_actions(chunk)
@@ -354,9 +364,13 @@ if __name__ == "__main__":
     parser.add_argument("--episodes", type=int)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--device", default="cpu")
+    parser.add_argument(
+        "--still", action="store_true", help="not told how fast things move"
+    )
     asked = parser.parse_args()
     try:
         demonstrations = Demonstrations.load(asked.export, asked.episodes)
+        demonstrations = demonstrations.still() if asked.still else demonstrations
         print(
             train(demonstrations, asked.out, asked.seed, Training(device=asked.device))
         )

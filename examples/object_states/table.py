@@ -55,9 +55,8 @@ def setting(asked: argparse.Namespace) -> str:
     until = "" if asked.until == "end" else f"-{asked.until}"
     passes = f"-passes-{asked.passes}" if asked.passes else ""
     own = f"-self-{asked.self_imitation}" if asked.self_imitation else ""
-    return f"{asked.demonstrations}{until}{passes}{own}" + (
-        "-images" if asked.images else ""
-    )
+    seen = "-images" if asked.images else "-still" if asked.still else ""
+    return f"{asked.demonstrations}{until}{passes}{own}{seen}"
 
 
 def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
@@ -104,7 +103,7 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
         },
         "training": told,
         "evaluation": {"seconds": round(_processor_seconds() - before)},
-        "checkpoint": hashlib.sha256(checkpoint.read_bytes()).hexdigest()[:16],
+        "checkpoint": _hash(checkpoint),
     }
     _write(file, content)
     return f"{file}: {score.successes} of {score.episodes}"
@@ -122,17 +121,20 @@ def trained(
         data = Demonstrations.load(
             asked.export / task, asked.demonstrations, asked.until
         )
+        data = data.still() if asked.images or asked.still else data
         goes_on = asked.self_imitation or asked.images
-        first = trained(first_of(asked), task, seed)[0] if goes_on else None
+        first = trained(first_of(asked), task, seed) if goes_on else None
         before = _processor_seconds()
         if first is None:
             about = learn(asked, data, checkpoint, seed)
         else:
             further = see if asked.images else improve
-            about = further(asked, task, data, first, checkpoint, seed)
+            about = further(asked, task, data, first[0], checkpoint, seed)
+            about["first"] = first[1]
         about |= {
             "device": asked.device,
             "seconds": round(_processor_seconds() - before),
+            "checkpoint": _hash(checkpoint),
         }
         _write(told, about)
     return checkpoint, json.loads(told.read_text())
@@ -141,7 +143,8 @@ def trained(
 def first_of(asked: argparse.Namespace) -> argparse.Namespace:
     """What comes first: the same on demonstrations and object states alone."""
     plain = {"self_imitation": None, "images": None}
-    plain |= {"passes": None} if asked.images else {}  # which are over images then
+    if asked.images:  # passes are over them, and they do not show how fast things move
+        plain |= {"passes": None, "still": True}
     return argparse.Namespace(**vars(asked) | plain)
 
 
@@ -184,9 +187,12 @@ def see(
     how = images.Training(device=asked.device)
     if asked.passes:
         how = replace(how, passes=asked.passes)
-    return images.train(
-        acts, data, images.watch(asked.images, task, data), out, seed, how
-    )
+    pictures = images.see(asked.images, task, data, how.layouts)
+    return images.train(acts, data, pictures, out, seed, how)
+
+
+def _hash(checkpoint: Path) -> str:
+    return hashlib.sha256(checkpoint.read_bytes()).hexdigest()[:16]
 
 
 def _processor_seconds() -> float:
@@ -363,6 +369,7 @@ if __name__ == "__main__":
     parser.add_argument(
         "--curve", action="store_true", help="print what --passes reached instead"
     )
+    parser.set_defaults(still=False)
     given = parser.parse_args()
     if (
         given.passes is not None

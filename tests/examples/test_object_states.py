@@ -31,6 +31,9 @@ from duobench.results.scores import wilson_interval
 from duobench.results.suite import Suite
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.frames import robot_with
+from duobench.world.robot.gripper import GRIPPERS
+from duobench.world.sim.backend import SimBackend
 from tests.docs.markdown import ROOT
 
 EXAMPLES = ROOT / "examples" / "object_states"
@@ -290,14 +293,15 @@ def test_a_maze_looks_the_same_on_a_board_turned_by_quarters() -> None:
 
 
 @pytest.mark.usefixtures("example")
-def test_frames_of_objects_point_forwards_and_are_turned_about_their_own_axis() -> None:
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_frames_of_objects_point_forwards_and_are_turned_about_their_own_axis(gripper: str) -> None:
     from frames import bodies, frames  # pyright: ignore[reportMissingImports]
 
-    env = duobench.make("bin_sort", cameras=False, object_state=True)
+    env = duobench.make("bin_sort", cameras=False, object_state=True, gripper=gripper)
     names = tuple(env.get_wrapper_attr("object_state_names"))
     seen = [env.reset(seed=seed)[0] for seed in range(20)]
     state, objects = (np.stack([o[k] for o in seen]) for k in ("agent_pos", "environment_state"))
-    here = frames(state, objects, names)
+    here = frames(state, objects, names, robot_with(gripper))
     for number, thing in enumerate(bodies(names), 2):
         column = names.index(f"{thing}_x_axis_x")
         yaws = np.arctan2(here.rotations[:, number, 1, 0], here.rotations[:, number, 0, 0])
@@ -368,6 +372,7 @@ def options(exports: Path, folder: Path, **words: object) -> SimpleNamespace:
     usual: dict[str, object] = {"export": exports, "out": folder / "runs", "demonstrations": 2}
     usual |= {"results": folder / "results", "until": "end", "episodes": 1, "device": "cpu"}
     usual |= {"passes": None, "images": None, "self_imitation": None, "tasks": [TASK]}
+    usual |= {"still": False}
     return SimpleNamespace(**usual | {"seeds": 1, "workers": 1} | words)
 
 
@@ -547,55 +552,143 @@ def kill_this_process(*_: object) -> None:
 def test_a_network_that_sees_images_is_trained_and_played(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     import frames  # pyright: ignore[reportMissingImports]
     import images  # pyright: ignore[reportMissingImports]
     import network  # pyright: ignore[reportMissingImports]
+    import pictures  # pyright: ignore[reportMissingImports]
+    import sight  # pyright: ignore[reportMissingImports]
     import table  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
 
     monkeypatch.chdir(EXAMPLES)
+    monkeypatch.setattr(pictures, "HELD_OUT", 2)
     data, demos = Demonstrations.load(exports / TASK), exports.with_name("demos")
-    pictures = images.watch(demos, TASK, data)
-    rows = -(-len(data.state) // images.EVERY)
-    assert [one.shape for one in pictures] == [(rows, images.SIZE, images.SIZE, 3)] * 3
     second = data._only(np.arange(len(data.state)) >= data.lengths[0], np.array([False, True]))
     with pytest.raises(DataError, match=r"Episode 0 of .* is not that of the export"):
-        images.watch(demos, TASK, second)
+        images.see(demos, TASK, second, 4)
+    seen = images.see(demos, TASK, data, 4)
+    rows = sum(-(-length // pictures.EVERY) for length in data.lengths.tolist())
+    shapes = [(rows + 4, *size, 3) for size in sight.SIZES.values()]
+    assert [one.shape for one in seen.images] == shapes
+    assert seen.held.tolist() == [n >= seen.before.tolist().index(0, 1) for n in range(rows)] + [
+        False,
+        False,
+        True,
+        True,
+    ]
 
     short = brief(2)
     monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
-    longer = images.Training(batch=16, passes=25, warm_up=5, held_out=2)
+    longer = images.Training(batch=16, passes=25, warm_up=5, layouts=4)
     monkeypatch.setattr(images, "Training", lambda device: replace(longer, device=device))
     asked = options(exports, tmp_path, passes=2, images=demos)
     assert "of 1" in table.job(asked, TASK, 0)
     told = json.loads(table.result(asked, TASK, 0).read_text())
+    acts = tmp_path / f"runs/2-still/{TASK}/0.npz"  # the network of the table acts
+    acted = hashlib.sha256(acts.read_bytes()).hexdigest()
+    assert acted.startswith(told["training"]["first"]["checkpoint"])
     assert told["training"]["passes"] == 2
     assert table.result(asked, TASK, 0).parent.name == "2-passes-2-images"
-    acts = tmp_path / f"runs/2/{TASK}/0.npz"  # the network of the table acts
     monkeypatch.setenv("CHECKPOINT", str(acts))
     with pytest.raises(PolicyError, match="sees no images"):
         images.Images()
 
-    images.train(acts, data, pictures, tmp_path / "sees.npz", 0, longer)
+    images.train(acts, data, seen, tmp_path / "sees.npz", 0, longer)
     with pytest.raises(DataError, match="of another task"):
-        images.train(acts, replace(data, names=("x",)), pictures, tmp_path / "no.npz", 0)
+        images.train(acts, replace(data, names=("x",)), seen, tmp_path / "no.npz", 0)
     monkeypatch.setenv("CHECKPOINT", str(tmp_path / "sees.npz"))
     policy = images.Images()
     assert not policy.metadata.object_state
     policy.reset("", 0)
-    shown = {
-        "agent_pos": data.state[0],
-        "pixels": {c: one[0] for c, one in zip(POLICY_CAMERAS, pictures, strict=True)},
-    }
-    places = [data.names.index(f"{body}_x") for body in frames.bodies(data.names)]
-    found = policy.objects(shown)
-    for x in places:  # one of the images that it has learned from
-        assert np.linalg.norm(found[x : x + 3] - data.objects[0, x : x + 3]) < 0.02
-    assert policy.act(shown).shape == (30, 16)
+    first = [torch.from_numpy(one[:1].transpose(0, 3, 1, 2)) for one in seen.images]
+    found = policy.look(first, seen.state[:1])[0]
+    for body in frames.bodies(data.names):  # one of the images that it has learned from
+        x = data.names.index(f"{body}_x")
+        assert np.linalg.norm(found[x : x + 3] - seen.objects[0, x : x + 3]) < 0.02
+    pixels = {c: one[0] for c, one in zip(POLICY_CAMERAS, seen.images, strict=True)}
+    assert policy.act({"agent_pos": seen.state[0], "pixels": pixels}).shape == (30, 16)
     monkeypatch.setenv("CHECKPOINT", str(tmp_path))
     with pytest.raises(PolicyError, match="no file of a network"):
         images.Images()
+
+
+@pytest.mark.usefixtures("example")
+def test_what_no_image_shows_is_not_told() -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from images import Kinds  # pyright: ignore[reportMissingImports]
+
+    rng = np.random.default_rng(0)
+    objects = rng.random((6, len(NAMES)), dtype=np.float32)
+    chosen = [n for n, name in enumerate(NAMES) if name.startswith(("wall", "start", "goal"))]
+    first = rng.permuted(np.tile([[0], [1]], len(chosen)), axis=0)
+    objects[:, chosen] = np.repeat(first, 3, axis=0)
+    state, labels = np.zeros((6, 16), np.float32), np.zeros((6, 20), np.float32)
+    still = Demonstrations(state, objects, labels, np.array([3, 3]), NAMES).still()
+    moves = [n for n, name in enumerate(NAMES) if name.startswith("ball_velocity")]
+    assert not still.objects[:, moves].any()
+    assert np.array_equal(np.delete(objects, moves, 1), np.delete(still.objects, moves, 1))
+    kinds = Kinds.of(still)
+    assert [NAMES[part.start] for part in kinds.places] == ["board_x", "ball_x"]
+    assert kinds.chosen == chosen
+    assert kinds.others == moves
+    assert len(kinds.axes) == 2
+    assert len(kinds.quarters) == 4
+
+
+@pytest.mark.usefixtures("example")
+@pytest.mark.parametrize("gripper", GRIPPERS)
+def test_rays_meet_where_an_object_is_and_patches_lie_on_it(gripper: str) -> None:
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import sight  # pyright: ignore[reportMissingImports]
+
+    names = tuple(f"cube_{end}" for end in ("x", "y", "z", "x_axis_x", "x_axis_y", "x_axis_z"))
+    scale = {"o_mean": np.zeros(6, np.float32), "o_scale": np.ones(6, np.float32)}
+    net = sight.Sight(names, scale, [3])
+    options: dict[str, Any] = {"cameras": POLICY_CAMERAS, "image_sizes": sight.SIZES}
+    env = duobench.make("bin_sort", gripper=gripper, **options)
+    seen, _ = env.reset(seed=0)
+    state = seen["agent_pos"][None]
+    cameras = torch.from_numpy(sight.places_of_cameras(state, robot_with(gripper)))
+    backend = SimBackend(env.get_wrapper_attr("simulation"))
+    for nth, one in enumerate(backend.camera_geometry(sight.SIZES).values()):
+        assert np.allclose(cameras[0, nth], one.table_from_camera, atol=1e-5)
+
+    cube = torch.tensor([0.5, 0.1, 0.02])
+    there = net.pixels(cube[None, None], cameras)
+    assert there[0][1].item()  # the head sees it
+    eye, (pixels, _) = net.eyes[0], there[0]
+    maps = torch.full((1, 1, len(eye.grid)), -30.0).requires_grad_()
+    rate = torch.optim.Adam([maps], lr=1.0)
+    for _ in range(200):
+        rate.zero_grad()
+        eye.surprise(maps.log_softmax(-1), pixels).sum().backward()
+        rate.step()
+    assert torch.allclose(maps.softmax(-1) @ eye.grid, pixels, atol=0.1)
+
+    def looks(nth: int, spread: float, wrong: float) -> Any:
+        what = torch.zeros(1, 1, sight.CHANNELS + 3)
+        one = torch.ones(1, 1)
+        return lambda _: (None, there[nth][0] + wrong, spread * one, what, one, 0.01 * one)
+
+    images = [torch.zeros(1, 3, *size) for size in sight.SIZES.values()]
+    del net.eyes
+    net.eyes = [looks(0, 0.0, 0.0), looks(1, 0.0, 0.0), looks(2, 1e6, 50.0)]  # one does not see it
+    found, _ = net(images, cameras)
+    assert torch.allclose(found[0, :3], cube, atol=2e-3)
+
+    colours = []  # of an image that tells where its pixels are
+    for size in sight.SIZES.values():
+        across, down = torch.meshgrid(*(torch.arange(n) * 1.0 for n in size), indexing="xy")
+        colours.append(torch.stack([across, down, 0 * down])[None])
+    taken = []
+    del net.reads
+    net.reads = taken.append
+    net.read(colours, cameras, cube[None, None], torch.eye(3)[None, None])
+    patches = (taken[0][0].view(3, 3, sight.PATCH, sight.PATCH) + 1) * 127.5
+    at = net.pixels((cube + net.patch[7])[None, None], cameras)[0][0][0, 0]
+    assert torch.allclose(patches[0, :2].flatten(1)[:, 7], at, atol=0.1)
 
 
 @pytest.mark.usefixtures("example")

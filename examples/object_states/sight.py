@@ -1,0 +1,249 @@
+"""Where cameras see things: convolutional networks that point, and rays that meet.
+
+Each camera is taught in which pixel the origin of each object is: its lens and its place are known,
+so that the simulation tells that of every image. A pixel is a ray in the table's frame; how far
+away on it the object is, and how sure that is, a camera says as well, and the object is where all
+say together. What a layout chose, such as the walls of a maze, is read in patches that are laid on
+the objects once these are found.
+
+What the robot says of itself enters by where its wrists hold their cameras, and in no other way: in
+demonstrations a hand is where its object is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from frames import bodies
+from numpy.typing import NDArray
+from torch import nn
+from torch.nn import functional
+
+from duobench.world.robot.camera_geometry import geometries, matrix_of
+from duobench.world.robot.cameras import CAMERAS, HEAD, POLICY_CAMERAS
+from duobench.world.robot.frames import Robot
+
+SIZES = {
+    camera: (224, 224) if camera == HEAD else (112, 112) for camera in POLICY_CAMERAS
+}
+"""Height and width of images: those on the wrists are nearer to what they see."""
+STRIDE, CHANNELS, WIDTH = 4, 32, 256
+"""Pixels from a cell to the next one, numbers that are told of each, and of hidden layers."""
+PATCH, SIDE = 40, 0.2
+"""Pixels and metres along a side of a patch on an object."""
+ALONG = 0.13
+"""Metres by which an object is off on its ray, to begin with."""
+NEAR = 0.05
+"""Metres in front of a camera, where it begins to see."""
+MARGIN = 2.0
+"""Pixels from the border of an image to an object that is seen in it."""
+
+
+def places_of_cameras(state: NDArray[Any], robot: Robot) -> NDArray[np.float32]:
+    """Poses (T, cameras, 4, 4) of the cameras in the table frame, of joints and openings (T, 16).
+
+    Their axes are OpenCV's.
+    """
+    joints = state.reshape(len(state), 2, -1)[..., :-1]
+    found = [
+        geometries(dict(SIZES), robot.tcp_poses(both), robot.gripper) for both in joints
+    ]
+    poses = [[one[camera].table_from_camera for camera in SIZES] for one in found]
+    return np.array(poses, dtype=np.float32)
+
+
+class Eye(nn.Module):
+    """Where one camera sees each object."""
+
+    def __init__(self, size: tuple[int, int], things: int) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Conv2d(3, CHANNELS, 2 * STRIDE, STRIDE, padding=STRIDE // 2),
+            nn.ReLU(),
+            nn.Conv2d(CHANNELS, CHANNELS, 3, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(CHANNELS, CHANNELS, 3, padding=2, dilation=2),
+            nn.ReLU(),
+            nn.Conv2d(CHANNELS, CHANNELS, 3, padding=4, dilation=4),
+            nn.ReLU(),
+        )
+        self.maps = nn.Conv2d(CHANNELS, things, 3, padding=1)
+        self.about = nn.Linear(CHANNELS + 3, 2)
+        down, across = ((torch.arange(n // STRIDE) + 0.5) * STRIDE - 0.5 for n in size)
+        grid = torch.stack(torch.meshgrid(across, down, indexing="xy"), -1).view(-1, 2)
+        self.register_buffer("grid", grid, persistent=False)
+        self._size = size
+
+    def forward(self, images: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """What is seen in images (B, 3, height, width) of 0 to 255.
+
+        Returns:
+            Logarithms of shares of cells (B, things, cells), the pixels that follow (B, things, 2),
+            and how far these are spread (B, things) in square pixels; what is there (B, things,
+            CHANNELS + 3), by how many times it is further away than on average, and how sure that
+            is, each (B, things).
+        """
+        how = {"dtype": torch.bfloat16, "enabled": self.training}  # twice as fast
+        with torch.autocast(images.device.type, **how):
+            cells = self.layers(images.float() / 127.5 - 1)
+            maps = self.maps(cells)
+        maps = maps.float().flatten(2).log_softmax(-1)
+        shares = maps.detach().exp()  # taught by pixels alone
+        pixels = shares @ self.grid
+        spread = (shares @ self.grid.square().sum(-1) - pixels.square().sum(-1)).relu()
+        sharp = shares.amax(-1, keepdim=True)
+        around = pixels / max(self._size) - 0.5
+        what = torch.cat([shares @ cells.float().flatten(2).mT, sharp, around], -1)
+        far, sure = self.about(what).unbind(-1)
+        along = ALONG**-2 * (3 * sure.tanh()).exp()
+        return maps, pixels, spread, what, (far / 4).exp(), along
+
+    def surprise(self, maps: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
+        """Cross entropy (B, things) of maps where objects are in pixels (B, things, 2).
+
+        A pixel is shared by the four cells around it, so that the mean of the map is the pixel.
+        """
+        columns = self._size[1] // STRIDE
+        most = torch.tensor([n // STRIDE - 1.001 for n in self._size[::-1]])
+        cell = ((pixels + 0.5) / STRIDE - 0.5).clamp(min=0).minimum(most.to(pixels))
+        low = cell.floor()
+        right, below = (cell - low).unbind(-1)
+        first = (low[..., 1] * columns + low[..., 0]).long()
+        near = torch.stack([first, first + 1, first + columns, first + columns + 1], -1)
+        shares = [(1 - right) * (1 - below), right * (1 - below), (1 - right) * below]
+        shares = torch.stack([*shares, right * below], -1)
+        return -(maps.gather(-1, near) * shares).sum(-1)
+
+
+class Sight(nn.Module):
+    """From images, and where the cameras are, to what `images.shown` makes of the object state.
+
+    Args:
+        names: What each number of the object state is.
+        scale: Mean and size of what is seen, `o_mean` and `o_scale`.
+        reads: Which numbers are read in patches.
+    """
+
+    def __init__(
+        self,
+        names: tuple[str, ...],
+        scale: Mapping[str, NDArray[Any]],
+        reads: Sequence[int],
+    ) -> None:
+        super().__init__()
+        first = [names.index(f"{body}_x") for body in bodies(names)]
+        places = torch.tensor([[x, x + 1, x + 2] for x in first])
+        self.register_buffer("places", places, persistent=False)
+        self.reads_what = list(reads)
+        patches = sum(name.endswith("_x_axis_x") for name in names)
+        self.eyes = nn.ModuleList(Eye(size, len(first)) for size in SIZES.values())
+        self.find = nn.Sequential(
+            nn.Linear(len(SIZES) * len(first) * (CHANNELS + 3), WIDTH),
+            nn.GELU(),
+            nn.Linear(WIDTH, WIDTH),
+            nn.GELU(),
+            nn.Linear(WIDTH, len(scale["o_mean"])),
+        )
+        self.reads = nn.Sequential(
+            nn.Conv2d(3 * len(SIZES) * max(patches, 1), CHANNELS, 3, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(CHANNELS, CHANNELS, 3, 2, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(CHANNELS, CHANNELS, 3, 2, padding=1),
+            nn.ReLU(),
+            nn.Flatten(),
+            nn.Linear(CHANNELS * (PATCH // 4) ** 2, WIDTH),
+            nn.GELU(),
+            nn.Linear(WIDTH, max(len(self.reads_what), 1)),
+        )
+        for key in ("o_mean", "o_scale"):
+            self.register_buffer(key, torch.from_numpy(scale[key]).float())
+        lenses = np.array(
+            [matrix_of(CAMERAS[name], size) for name, size in SIZES.items()]
+        )
+        lenses = torch.from_numpy(lenses).float()
+        self.register_buffer("lenses", lenses, persistent=False)
+        line = (torch.arange(PATCH) + 0.5) / PATCH * SIDE - SIDE / 2
+        patch = torch.stack(torch.meshgrid(line, line, indexing="xy"), -1).view(-1, 2)
+        patch = functional.pad(patch, (0, 1))
+        self.register_buffer("patch", patch, persistent=False)
+
+    def forward(
+        self, images: Sequence[torch.Tensor], cameras: torch.Tensor
+    ) -> tuple[torch.Tensor, list[torch.Tensor]]:
+        """What is seen (B, k), normal, in one image of each camera, and the maps of each.
+
+        Args:
+            images: Of each camera (B, 3, height, width).
+            cameras: Where they are (B, cameras, 4, 4).
+        """
+        mean, size = self.o_mean[self.places], self.o_scale[self.places]
+        sure, sums = torch.diag_embed(size**-2), mean * size**-2
+        told, all_maps = [], []
+        for nth, (eye, image) in enumerate(zip(self.eyes, images, strict=True)):
+            maps, pixels, spread, what, far, along = eye(image)
+            all_maps.append(maps)
+            told.append(what.flatten(1))
+            lens = self.lenses[nth]
+            turned = cameras[:, nth, :3, :3] @ torch.linalg.inv(lens)
+            rays = functional.pad(pixels, (0, 1), value=1.0) @ turned.mT
+            place = cameras[:, nth, None, :3, 3]
+            usual = ((mean - place) @ cameras[:, nth, :3, 2:])[..., 0].clamp(min=NEAR)
+            points = place + rays * (usual * far)[..., None]
+            across = lens[0, 0] * lens[1, 1] / usual.square() / (spread + 1)
+            rays = functional.normalize(rays, dim=-1)
+            outer = rays[..., None] * rays[..., None, :]
+            weight = (along - across)[..., None, None] * outer
+            weight = weight + across[..., None, None] * torch.eye(3).to(weight)
+            sure = sure + weight
+            sums = sums + (weight @ points[..., None])[..., 0]
+        found = self.find(torch.cat(told, 1))
+        where = (torch.linalg.solve(sure, sums) - mean) / size
+        return found.index_copy(1, self.places.flatten(), where.flatten(1)), all_maps
+
+    def pixels(
+        self, points: torch.Tensor, cameras: torch.Tensor
+    ) -> list[tuple[torch.Tensor, torch.Tensor]]:
+        """Pixels (B, K, 2) of points (B, K, 3) in the image of each camera, and which are in it."""
+        found = []
+        for nth, size in enumerate(SIZES.values()):
+            turned, place = cameras[:, nth, :3, :3], cameras[:, nth, :3, 3]
+            there = (points - place[:, None]) @ turned @ self.lenses[nth].T
+            far = there[..., 2:]
+            pixels = there[..., :2] / far.clamp(min=NEAR)
+            most = torch.tensor(size[::-1]).to(pixels) - 1 - MARGIN
+            within = ((pixels >= MARGIN) & (pixels <= most)).all(-1)
+            found.append((pixels, within & (far[..., 0] > NEAR)))
+        return found
+
+    def read(
+        self,
+        images: Sequence[torch.Tensor],
+        cameras: torch.Tensor,
+        positions: torch.Tensor,
+        rotations: torch.Tensor,
+    ) -> torch.Tensor:
+        """What is read on objects that were found (B, reads), normal.
+
+        Args:
+            images: Of each camera (B, 3, height, width).
+            cameras: Where they are (B, cameras, 4, 4).
+            positions: Of the objects that there are patches on (B, patches, 3).
+            rotations: The same (B, patches, 3, 3).
+        """
+        points = (positions[:, :, None] + self.patch @ rotations.mT).flatten(1, 2)
+        shape = (len(points), -1, PATCH, 2)
+        seen = []
+        for image, (pixels, _) in zip(
+            images, self.pixels(points, cameras), strict=True
+        ):
+            at = (pixels + 0.5) / image.shape[-1] * 2 - 1
+            patches = functional.grid_sample(
+                image.float() / 127.5 - 1, at.view(shape), align_corners=False
+            )
+            patches = patches.unflatten(2, (-1, PATCH))
+            seen.append(patches.transpose(1, 2).flatten(1, 2))
+        return self.reads(torch.cat(seen, 1))
