@@ -67,10 +67,8 @@ class Kinds:
     """Axes of objects."""
     chosen: list[int]
     """Numbers that a layout chose, such as a wall: they are whole, and never change."""
-    quarters: list[int]
-    """Quarters of a turn, of objects with axes."""
     others: list[int]
-    """All others, such as the angle of a hinge."""
+    """All others, such as the angle of a hinge, and quarters of a turn."""
 
     @staticmethod
     def of(data: Demonstrations) -> Kinds:
@@ -84,10 +82,9 @@ class Kinds:
         known = {n for part in places + axes for n in range(part.start, part.stop)}
         vary = (data.objects != data.objects[0]).any(0)
         chosen = sorted(set(np.flatnonzero(still & whole & vary).tolist()) - known)
-        count = len(data.names)
-        quarters = list(range(count, count + QUARTERS * len(_axes(data.names))))
-        others = sorted(set(range(count)) - known - set(chosen))
-        return Kinds(places, axes, chosen, quarters, others)
+        quarters = range(len(data.names), len(data.names) + QUARTERS * len(axes) // 2)
+        others = sorted(set(range(quarters.stop)) - known - set(chosen))
+        return Kinds(places, axes, chosen, others)
 
 
 def shown(objects: Rows, names: tuple[str, ...]) -> Rows:
@@ -228,7 +225,7 @@ class _Rows:
 
     def sight(self) -> Sight:
         """A network that sees them."""
-        return Sight(self._names, self.scale, self.kinds.chosen + self.kinds.quarters)
+        return Sight(self._names, self.scale, self.kinds.chosen)
 
     def drawn(self, count: int) -> NDArray[np.int64]:
         """Some rows to learn from."""
@@ -262,12 +259,12 @@ class _Rows:
             losses["axes"] = torch.stack([off[:, part] for part in kinds.axes]).mean()
         if kinds.others:
             losses["others"] = off[:, kinds.others].mean()
-        if kinds.quarters:
+        if kinds.chosen:
             moved = [one[rows].to(self._device) for one in self._turned]
             moved = [one + network.NOISE * torch.randn_like(one) for one in moved]
             label = (seen - net.o_mean) / net.o_scale
             read = net.read(images, cameras, *moved)
-            losses["read"] = (read - label[:, net.reads_what]).abs().mean()
+            losses["read"] = (read - label[:, net.read_there]).abs().mean()
         return losses
 
     def told(self, sees: Images) -> dict[str, Any]:
@@ -326,8 +323,7 @@ class Images(network.Network):
         }
         scale = {key: parts[key].numpy() for key in ("o_mean", "o_scale")}
         self._chosen = self._net["chosen"].tolist()
-        quarters = range(len(self.names), len(scale["o_mean"]))
-        self._sight = Sight(self.names, scale, [*self._chosen, *quarters]).eval()
+        self._sight = Sight(self.names, scale, self._chosen).eval()
         self._sight.load_state_dict(parts)
         self._read: list[Rows] = []
         self.metadata = replace(
@@ -358,10 +354,10 @@ class Images(network.Network):
         cameras = torch.from_numpy(places_of_cameras(state, self._robot))
         with torch.no_grad():
             seen = sight(images, cameras)[0] * sight.o_scale + sight.o_mean
-            there = turned(recognized(seen.numpy(), self.names), self.names)
-            read = sight.read(images, cameras, *there)
-            columns = sight.reads_what
-            seen[:, columns] = read * sight.o_scale[columns] + sight.o_mean[columns]
+            if self._chosen:
+                there = turned(recognized(seen.numpy(), self.names), self.names)
+                columns, read = sight.read_there, sight.read(images, cameras, *there)
+                seen[:, columns] = read * sight.o_scale[columns] + sight.o_mean[columns]
         return recognized(seen.numpy(), self.names)
 
 

@@ -124,20 +124,22 @@ class Sight(nn.Module):
     Args:
         names: What each number of the object state is.
         scale: Mean and size of what is seen, `o_mean` and `o_scale`.
-        reads: Which numbers are read in patches.
+        chosen: Which numbers a layout chose: they are read in patches, with the quarters of a turn
+            that they depend on.
     """
 
     def __init__(
         self,
         names: tuple[str, ...],
         scale: Mapping[str, NDArray[Any]],
-        reads: Sequence[int],
+        chosen: Sequence[int],
     ) -> None:
         super().__init__()
         first = [names.index(f"{body}_x") for body in bodies(names)]
         places = torch.tensor([[x, x + 1, x + 2] for x in first])
         self.register_buffer("places", places, persistent=False)
-        self.reads_what = list(reads)
+        quarters = range(len(names), len(scale["o_mean"]))
+        self.read_there = [*chosen, *quarters] if chosen else []
         patches = sum(name.endswith("_x_axis_x") for name in names)
         self.eyes = nn.ModuleList(Eye(size, len(first)) for size in SIZES.values())
         self.find = nn.Sequential(
@@ -157,7 +159,7 @@ class Sight(nn.Module):
             nn.Flatten(),
             nn.Linear(CHANNELS * (PATCH // 4) ** 2, WIDTH),
             nn.GELU(),
-            nn.Linear(WIDTH, max(len(self.reads_what), 1)),
+            nn.Linear(WIDTH, max(len(self.read_there), 1)),
         )
         for key in ("o_mean", "o_scale"):
             self.register_buffer(key, torch.from_numpy(scale[key]).float())
@@ -246,4 +248,6 @@ class Sight(nn.Module):
             )
             patches = patches.unflatten(2, (-1, PATCH))
             seen.append(patches.transpose(1, 2).flatten(1, 2))
-        return self.reads(torch.cat(seen, 1))
+        how = {"dtype": torch.bfloat16, "enabled": self.training}
+        with torch.autocast(points.device.type, **how):
+            return self.reads(torch.cat(seen, 1)).float()
