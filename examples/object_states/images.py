@@ -244,15 +244,12 @@ class _Rows:
             one[rows].to(self._device) for one in (self._cameras, self._seen)
         )
         found, maps = net(images, cameras)
-        wrong, count = [], []
-        points = seen[:, net.places]
-        there = net.pixels(points, cameras)
-        for eye, shares, (pixels, within) in zip(net.eyes, maps, there, strict=True):
-            wrong.append((eye.surprise(shares, pixels) * within).sum())
-            count.append(within.sum())
-        losses = {
-            "pixels": torch.stack(wrong).sum() / torch.stack(count).sum().clamp(min=1)
-        }
+        there = net.pixels(seen[:, net.places], cameras)
+        wrong = [
+            eye.surprise(logs, *seen_at).mean()
+            for eye, logs, seen_at in zip(net.eyes, maps, there, strict=True)
+        ]
+        losses = {"pixels": torch.stack(wrong).mean()}
         off = (found - (seen - net.o_mean) / net.o_scale).abs()
         losses["places"] = torch.stack([off[:, part] for part in kinds.places]).mean()
         if kinds.axes:

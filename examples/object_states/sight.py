@@ -83,8 +83,7 @@ class Eye(nn.Module):
         Returns:
             Logarithms of shares of cells (B, things, cells), the pixels that follow (B, things, 2),
             and how far these are spread (B, things) in square pixels; what is there (B, things,
-            CHANNELS + 3), by how many times it is further away than on average, and how sure that
-            is, each (B, things).
+            CHANNELS + 3), how many metres away it is, and how sure that is, each (B, things).
         """
         how = {"dtype": torch.bfloat16, "enabled": self.training}  # twice as fast
         with torch.autocast(images.device.type, **how):
@@ -93,18 +92,24 @@ class Eye(nn.Module):
         maps = maps.float().flatten(2).log_softmax(-1)
         shares = maps.detach().exp()  # taught by pixels alone
         pixels = shares @ self.grid
-        spread = (shares @ self.grid.square().sum(-1) - pixels.square().sum(-1)).relu()
+        spread = shares @ self.grid.square().sum(-1) - pixels.square().sum(-1)
+        spread = (
+            spread - STRIDE**2 / 3
+        ).relu()  # that much a pixel between cells is spread
         sharp = shares.amax(-1, keepdim=True)
         around = pixels / max(self._size) - 0.5
         what = torch.cat([shares @ cells.float().flatten(2).mT, sharp, around], -1)
         far, sure = self.about(what).unbind(-1)
         along = ALONG**-2 * (3 * sure.tanh()).exp()
-        return maps, pixels, spread, what, (far / 4).exp(), along
+        return maps, pixels, spread, what, far.exp() / 2, along
 
-    def surprise(self, maps: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
+    def surprise(
+        self, maps: torch.Tensor, pixels: torch.Tensor, within: torch.Tensor
+    ) -> torch.Tensor:
         """Cross entropy (B, things) of maps where objects are in pixels (B, things, 2).
 
-        A pixel is shared by the four cells around it, so that the mean of the map is the pixel.
+        A pixel is shared by the four cells around it, so that the mean of the map is the pixel;
+        what is not within the image is anywhere.
         """
         columns = self._size[1] // STRIDE
         most = torch.tensor([n // STRIDE - 1.001 for n in self._size[::-1]])
@@ -115,7 +120,8 @@ class Eye(nn.Module):
         near = torch.stack([first, first + 1, first + columns, first + columns + 1], -1)
         shares = [(1 - right) * (1 - below), right * (1 - below), (1 - right) * below]
         shares = torch.stack([*shares, right * below], -1)
-        return -(maps.gather(-1, near) * shares).sum(-1)
+        here = (maps.gather(-1, near) * shares).sum(-1)
+        return -torch.where(within, here, maps.mean(-1))
 
 
 class Sight(nn.Module):
@@ -193,9 +199,8 @@ class Sight(nn.Module):
             turned = cameras[:, nth, :3, :3] @ torch.linalg.inv(lens)
             rays = functional.pad(pixels, (0, 1), value=1.0) @ turned.mT
             place = cameras[:, nth, None, :3, 3]
-            usual = ((mean - place) @ cameras[:, nth, :3, 2:])[..., 0].clamp(min=NEAR)
-            points = place + rays * (usual * far)[..., None]
-            across = lens[0, 0] * lens[1, 1] / usual.square() / (spread + 1)
+            points = place + rays * far[..., None]
+            across = lens[0, 0] * lens[1, 1] / far.detach().square() / (spread + 1)
             rays = functional.normalize(rays, dim=-1)
             outer = rays[..., None] * rays[..., None, :]
             weight = (along - across)[..., None, None] * outer

@@ -688,14 +688,15 @@ def test_rays_meet_where_an_object_is_and_patches_lie_on_it(gripper: str) -> Non
     rate = torch.optim.Adam([maps], lr=1.0)
     for _ in range(200):
         rate.zero_grad()
-        eye.surprise(maps.log_softmax(-1), pixels).sum().backward()
+        eye.surprise(maps.log_softmax(-1), *there[0]).sum().backward()
         rate.step()
     assert torch.allclose(maps.softmax(-1) @ eye.grid, pixels, atol=0.1)
 
     def looks(nth: int, spread: float, wrong: float) -> Any:
         what = torch.zeros(1, 1, sight.CHANNELS + 3)
         one = torch.ones(1, 1)
-        return lambda _: (None, there[nth][0] + wrong, spread * one, what, one, 0.01 * one)
+        far = one * (cube - cameras[0, nth, :3, 3]).norm()
+        return lambda _: (None, there[nth][0] + wrong, spread * one, what, far, 0.01 * one)
 
     images = [torch.zeros(1, 3, *size) for size in sight.SIZES.values()]
     del net.eyes
