@@ -47,7 +47,7 @@ class Training:
 
     batch: int = 32
     rate: float = 2e-3
-    passes: int = 12
+    passes: int = 5
     """Over all images; the rate falls to zero over them."""
     warm_up: int = 50
     """Steps."""
@@ -251,7 +251,6 @@ class _Rows:
         ]
         losses = {"pixels": torch.stack(wrong).mean()}
         off = (found - (seen - net.o_mean) / net.o_scale).abs()
-        losses["places"] = torch.stack([off[:, part] for part in kinds.places]).mean()
         if kinds.axes:
             losses["axes"] = torch.stack([off[:, part] for part in kinds.axes]).mean()
         if kinds.others:

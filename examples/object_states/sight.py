@@ -1,10 +1,11 @@
 """Where cameras see things: convolutional networks that point, and rays that meet.
 
 Each camera is taught in which pixel the origin of each object is: its lens and its place are known,
-so that the simulation tells that of every image. A pixel is a ray in the table's frame; how far
-away on it the object is, and how sure that is, a camera says as well, and the object is where all
-say together. What a layout chose, such as the walls of a maze, is read in patches that are laid on
-the objects once these are found.
+so that the simulation tells that of every image. A pixel is a ray in the table's frame, and an
+object is where the rays of all cameras meet, each as sure as its map is narrow, near where objects
+are on average. Nothing of that is learned: what may say how sure it is ends by trusting nothing.
+What a layout chose, such as the walls of a maze, is read in patches that are laid on the objects
+once these are found.
 
 What the robot says of itself enters by where its wrists hold their cameras, and in no other way: in
 demonstrations a hand is where its object is.
@@ -34,8 +35,6 @@ STRIDE, CHANNELS, WIDTH = 4, 32, 256
 """Pixels from a cell to the next one, numbers that are told of each, and of hidden layers."""
 PATCH, SIDE = 40, 0.2
 """Pixels and metres along a side of a patch on an object."""
-ALONG = 0.13
-"""Metres by which an object is off on its ray, to begin with."""
 NEAR = 0.05
 """Metres in front of a camera, where it begins to see."""
 MARGIN = 2.0
@@ -71,7 +70,6 @@ class Eye(nn.Module):
             nn.ReLU(),
         )
         self.maps = nn.Conv2d(CHANNELS, things, 3, padding=1)
-        self.about = nn.Linear(CHANNELS + 3, 2)
         down, across = ((torch.arange(n // STRIDE) + 0.5) * STRIDE - 0.5 for n in size)
         grid = torch.stack(torch.meshgrid(across, down, indexing="xy"), -1).view(-1, 2)
         self.register_buffer("grid", grid, persistent=False)
@@ -82,8 +80,8 @@ class Eye(nn.Module):
 
         Returns:
             Logarithms of shares of cells (B, things, cells), the pixels that follow (B, things, 2),
-            and how far these are spread (B, things) in square pixels; what is there (B, things,
-            CHANNELS + 3), how many metres away it is, and how sure that is, each (B, things).
+            how far these are spread (B, things) in square pixels, and what is there (B, things,
+            CHANNELS + 3).
         """
         how = {"dtype": torch.bfloat16, "enabled": self.training}  # twice as fast
         with torch.autocast(images.device.type, **how):
@@ -99,9 +97,7 @@ class Eye(nn.Module):
         sharp = shares.amax(-1, keepdim=True)
         around = pixels / max(self._size) - 0.5
         what = torch.cat([shares @ cells.float().flatten(2).mT, sharp, around], -1)
-        far, sure = self.about(what).unbind(-1)
-        along = ALONG**-2 * (3 * sure.tanh()).exp()
-        return maps, pixels, spread, what, far.exp() / 2, along
+        return maps, pixels, spread, what
 
     def surprise(
         self, maps: torch.Tensor, pixels: torch.Tensor, within: torch.Tensor
@@ -192,21 +188,20 @@ class Sight(nn.Module):
         sure, sums = torch.diag_embed(size**-2), mean * size**-2
         told, all_maps = [], []
         for nth, (eye, image) in enumerate(zip(self.eyes, images, strict=True)):
-            maps, pixels, spread, what, far, along = eye(image)
+            maps, pixels, spread, what = eye(image)
             all_maps.append(maps)
             told.append(what.flatten(1))
             lens = self.lenses[nth]
             turned = cameras[:, nth, :3, :3] @ torch.linalg.inv(lens)
             rays = functional.pad(pixels, (0, 1), value=1.0) @ turned.mT
             place = cameras[:, nth, None, :3, 3]
-            points = place + rays * far[..., None]
-            across = lens[0, 0] * lens[1, 1] / far.detach().square() / (spread + 1)
+            away = (mean - place).square().sum(-1)
+            across = lens[0, 0] * lens[1, 1] / away / (spread + 1)
             rays = functional.normalize(rays, dim=-1)
             outer = rays[..., None] * rays[..., None, :]
-            weight = (along - across)[..., None, None] * outer
-            weight = weight + across[..., None, None] * torch.eye(3).to(weight)
+            weight = across[..., None, None] * (torch.eye(3).to(outer) - outer)
             sure = sure + weight
-            sums = sums + (weight @ points[..., None])[..., 0]
+            sums = sums + (weight @ place[..., None])[..., 0]
         found = self.find(torch.cat(told, 1))
         where = (torch.linalg.solve(sure, sums) - mean) / size
         return found.index_copy(1, self.places.flatten(), where.flatten(1)), all_maps
