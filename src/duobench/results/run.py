@@ -22,6 +22,7 @@ from duobench.core.files import checksum, differences
 from duobench.core.randomness import SUITE_VERSION
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.policy import Batching, PolicyMetadata
+from duobench.policy.policy import robot_note
 from duobench.policy.registry import reads_simulation
 from duobench.policy.serving.address import MAX_S, SERVED
 from duobench.results.records import (
@@ -205,6 +206,11 @@ class Candidate:
         metadata = self.metadata
         sees_parts = metadata.object_state or bool(metadata.segmentation)
         return sees_parts or reads_simulation(self.policy)
+
+    @property
+    def robot_note(self) -> str:
+        """A sentence if it learned with another gripper or mount than it plays with."""
+        return robot_note(self.metadata, self.config)
 
     @property
     def name(self) -> str:

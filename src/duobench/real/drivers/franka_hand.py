@@ -233,6 +233,10 @@ class FrankaHand:
 
     imitation = ImitatedHand
     """Stands for the hardware in a rehearsal."""
+    knows_ends = (
+        "a Franka Hand says its gap in metres, and finds its ends when it is activated"
+    )
+    """Sentence on why nobody measures them."""
 
     def __init__(
         self,
