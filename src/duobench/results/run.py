@@ -157,7 +157,7 @@ class Resuming:
     their task fails; without this they stay unplayed, which is an error."""
 
 
-RUN_SCHEMA = 11
+RUN_SCHEMA = 12
 _SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
 """Data that a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
