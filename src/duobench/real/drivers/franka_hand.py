@@ -90,14 +90,9 @@ class FrankyPort:
         self._errors = (OSError, RuntimeError, library.Exception)
         self._hand = self._asked(library.Gripper, self._config.port)
 
-    def read(self) -> HandState:
-        """Its state now."""
-        state = self._asked(lambda: self._hand.state)
-        return HandState(
-            width=state.width,
-            max_width=state.max_width,
-            is_grasped=state.is_grasped,
-        )
+    def read(self) -> Any:
+        """Its state now, with the names of `HandState`."""
+        return self._asked(lambda: self._hand.state)
 
     def home(self) -> None:
         """Begin to move through the whole range."""
@@ -280,18 +275,16 @@ class FrankaHand:
             return
         self._goal, self._is_holding, self._homes = None, False, True
         end = self._clock.now() + HOMING_S
-        why = f"was not homed within {HOMING_S:g} s."
-        while self._clock.now() < end:
+        while self._homes and self._clock.now() < end:
             self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
-            reading = self.read()
-            if reading.fault is not None:
-                raise BackendError(reading.fault.text)
-            if not self._homes:
-                if reading.is_active:
-                    return
-                why = "was stopped before it was homed."
-                break
-        raise BackendError(f"The hand at {self._config.port} {why}")
+            fault = self.read().fault
+            if fault is not None:
+                raise BackendError(fault.text)
+        if not self.read().is_active:
+            raise BackendError(
+                f"The hand at {self._config.port} was not homed: it was stopped, or took over "
+                f"{HOMING_S:g} s."
+            )
 
     def read(self) -> GripperReading:
         """The latest reading; its fault says what is wrong now, silence included."""

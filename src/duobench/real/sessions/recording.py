@@ -67,7 +67,10 @@ class Playback:
         self.commands = slowed(recording.sent, tempo)
         """The commands (n, 16) that are played."""
         self.metadata = PolicyMetadata(
-            name=f"{name} at {tempo:g} of its speed", cameras=(), action_mode=JOINT.name
+            name=f"{name} at {tempo:g} of its speed",
+            cameras=(),
+            action_mode=JOINT.name,
+            robot=recording.info.other_robot,
         )
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - as policies have it
