@@ -357,10 +357,9 @@ class FrankaHand:
         elif goal is not None and state.max_width > 0.0 and now >= self._next_start:
             if self._told is not None and abs(goal - self._told) < SAME:
                 return
+            if not (state.is_grasped and goal < state.width):  # it presses already
+                self._next_start = now + HOLD_S
+                if port.is_moving:
+                    port.stop()
+                port.start(Motion(width=goal, grasps=goal < state.width - SAME))
             self._told = goal
-            if state.is_grasped and goal < state.width:
-                return  # it presses already
-            self._next_start = now + HOLD_S
-            if port.is_moving:
-                port.stop()
-            port.start(Motion(width=goal, grasps=goal < state.width - SAME))
