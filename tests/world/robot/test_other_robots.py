@@ -25,6 +25,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.evaluation.replay import replay
 from duobench.policy import lerobot_checkpoint
 from duobench.policy.training.training import plan_all
+from duobench.real.catalog import load_driver
 from duobench.real.clock import VirtualClock
 from duobench.real.guard import Guard
 from duobench.real.opening import open_rig, rehearsal_rig
@@ -100,6 +101,9 @@ def test_the_guard_knows_the_robot(robot: Robot) -> None:
 def test_a_rehearsal_closes_on_nothing_and_opens(gripper: str) -> None:
     clock = VirtualClock()
     with closing(open_rig(rehearsal_rig(gripper), clock)) as duo:
+        assert duo.world is not None
+        driver = load_driver("grippers", duo.robot.gripper.driver)
+        assert all(isinstance(each, driver.imitation) for each in duo.world.grippers.values())
         duo.start()
         duo.supervisor.confirm()
         duo.hands.activate()
