@@ -159,6 +159,18 @@ def test_the_page_shows_arms_alone_where_they_are_led(page: Page, teleoperator: 
     assert poses.shape[0] > 2 * ARM_JOINTS
 
 
+def test_hands_of_a_driver_who_is_gone_let_go(teleoperator: Any) -> None:
+    with open_page(teleoperator.url) as page:
+        page.drive()
+        begin(page, teleoperator)
+        events = teleoperator.get_teleop_events()
+        assert events[TeleopEvents.IS_INTERVENTION]
+        page.connection.socket.shutdown(socket.SHUT_RDWR)
+    for _ in range(10):
+        teleoperator.get_action()
+    assert not teleoperator.get_teleop_events()[TeleopEvents.IS_INTERVENTION]
+
+
 def test_keep_and_discard_are_events_of_lerobots_steps(page: Page, teleoperator: Any) -> None:
     number = begin(page, teleoperator)
     steps = (

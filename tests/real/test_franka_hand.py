@@ -79,6 +79,7 @@ def test_a_homing_that_is_held_ends_unfinished() -> None:
     bench.clock.every(0.5, bench.hand.hold, "person")
     with pytest.raises(BackendError, match="was not homed: it was stopped"):
         bench.hand.activate()
+    assert bench.clock.now() < 1.0, "at once"
     bench.wait(0.5)
     stopped = bench.hand.read().opening
     bench.wait(0.5)

@@ -257,7 +257,7 @@ class _LivePage:
         self._server.listen(
             Message,
             lambda message: arms.receive(message, time.monotonic()),
-            lambda: arms.leave(time.monotonic()),
+            lambda _gives_way: arms.leave(time.monotonic()),
             WATCHING,
         )
         self._simulation: Simulation | None = None
