@@ -22,7 +22,7 @@ from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture
 TASKS = ("bin_sort", "pour_marbles", "spring_door")
 HAND = "franka_hand"
 """An episode of the first task with another gripper, whose fingers are seen from near."""
-NEAR = cameras.View(eye=(0.9, 0.55, 0.6), target=(0.41, 0.19, 0.47), fovy_deg=30.0)
+NEAR = cameras.View(eye=(0.85, 0.45, 0.7), target=(0.48, 0.21, 0.64), fovy_deg=30.0)
 STEPS = 40
 RENDERED = (480, 720)
 CHANGES = ((10, 1), (30, 2))
