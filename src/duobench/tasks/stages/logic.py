@@ -17,6 +17,7 @@ from collections.abc import (
     Iterable,
     Iterator,
     Mapping,
+    Sequence,
 )
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -59,8 +60,24 @@ class Memory:
     """Event of an earlier step."""
     reset: Predicate | None
     """Predicate that clears the memory, if any."""
-    only: Predicate | None = None
-    """Predicate that holds wherever one of both does, if known: where not, neither is asked."""
+    number: Number | None = None
+    """Number that it is a binary digit of, if it is one: the next one after what is remembered
+    before it."""
+
+
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
+class Number:
+    """A number that is remembered in binary digits; see `kept`."""
+
+    units: Callable[[StateView], float]
+    """Its whole units at this step."""
+    when: Predicate
+    """Predicate of the steps at which it is looked at; at others it stays what it was."""
 
 
 @dataclass(
@@ -105,7 +122,9 @@ class StateView:
     past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
     """Reasons from earlier steps why something is not remembered; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
-    """Answers so far: a predicate is pure, so it is tested once a control step."""
+    """Answers so far of predicates that look: they are pure, so each is tested once a step."""
+    conclusions: dict[Predicate, bool] = field(default_factory=dict)
+    """Answers so far of the others, which follow from those and from what is remembered."""
     _found: dict[object, Any] = field(default_factory=dict)
     """Values computed of poses so far."""
 
@@ -178,13 +197,19 @@ class Predicate:
     def __post_init__(self) -> None:
         test = self.test
 
-        def ask(state: StateView) -> bool:
+        def look(state: StateView) -> bool:
             answer = state.answers.get(self)
             if answer is None:
                 answer = state.answers[self] = test(state)
             return answer
 
-        object.__setattr__(self, "ask", ask)
+        def conclude(state: StateView) -> bool:
+            answer = state.conclusions.get(self)
+            if answer is None:
+                answer = state.conclusions[self] = test(state)
+            return answer
+
+        object.__setattr__(self, "ask", look if self.looks else conclude)
 
     def __call__(self, state: StateView) -> bool:
         """Whether it holds."""
@@ -390,7 +415,7 @@ def since(
     predicate: Predicate,
     *,
     reset: Predicate | None = None,
-    only: Predicate | None = None,
+    number: Number | None = None,
 ) -> Since:
     """`predicate` held at some earlier step of this episode, and `reset` has not held since.
 
@@ -399,9 +424,9 @@ def since(
         reset: What makes it forgotten, if anything: it held at none of the steps from the one that
             is remembered to the last one. So `since(left, reset=right)` is true where the last of
             the two that held was `left`.
-        only: A part of both, without which neither holds.
+        number: The number that it is a digit of, if it is one.
     """
-    memory = Memory(event=predicate, reset=reset, only=only)
+    memory = Memory(event=predicate, reset=reset, number=number)
     name = f"since {predicate.name}" + (
         "" if reset is None else f" without {reset.name}"
     )
@@ -430,6 +455,11 @@ class Kept:
         )
 
 
+def digit_at(place: int, units: Any) -> Any:
+    """Whether the binary digit at a place of a whole number is 1."""
+    return units // 2**place % 2 >= 1
+
+
 def kept(
     name: str,
     number: Callable[[StateView], float],
@@ -451,14 +481,15 @@ def kept(
     """
 
     def units(state: StateView) -> float:
-        return state.once(units, lambda _sim: number(state) / unit)
+        return state.once(units, lambda _sim: number(state) / unit // 1)
+
+    whole = Number(units=units, when=when)
 
     def bit(place: int) -> Since:
-        worth = 2**place
         digit = leaf(
-            f"digit {place} of {name}", lambda state: units(state) // worth % 2 >= 1
+            f"digit {place} of {name}", lambda state: digit_at(place, units(state))
         )
-        return since(when & digit, reset=when & ~digit, only=when)
+        return since(when & digit, reset=when & ~digit, number=whole)
 
     return Kept(bits=tuple(map(bit, range(int(most / unit).bit_length()))), unit=unit)
 
@@ -527,11 +558,27 @@ def _not(predicate: Predicate) -> Predicate:
     )
 
 
+def _cost(predicate: Predicate) -> int:
+    """How much it takes to begin to answer: a memory, contacts or poses."""
+    if isinstance(predicate, Not | AllOf | AnyOf):
+        return min(map(_cost, predicate.parts), default=0)
+    if isinstance(predicate, HeldFor) or not predicate.looks:
+        return 0
+    return 2 if predicate.touch is None else 1
+
+
+def _cheapest_first(
+    predicates: Sequence[Predicate],
+) -> tuple[Callable[[StateView], bool], ...]:
+    """Functions that ask predicates whose order is free; what may settle it cheaply is first."""
+    return tuple(part.ask for part in sorted(predicates, key=_cost))
+
+
 @shared
 def all_of(*predicates: Predicate) -> Predicate:
     """All hold."""
     name = " and ".join(p.name for p in predicates)
-    asks = tuple(p.ask for p in predicates)
+    asks = _cheapest_first(predicates)
 
     def test(state: StateView) -> bool:
         for ask in asks:  # noqa: SIM110 - a third of the time of a generator
@@ -551,7 +598,7 @@ def all_of(*predicates: Predicate) -> Predicate:
 def any_of(*predicates: Predicate) -> Predicate:
     """Disjunction: at least one predicate holds."""
     name = " or ".join(p.name for p in predicates)
-    asks = tuple(p.ask for p in predicates)
+    asks = _cheapest_first(predicates)
 
     def test(state: StateView) -> bool:
         for ask in asks:  # noqa: SIM110 - a third of the time of a generator

@@ -21,11 +21,13 @@ from duobench.core.types import CONTROL_HZ
 from duobench.tasks.stages.logic import (
     HeldFor,
     Memory,
+    Number,
     Predicate,
     Since,
     StateView,
     StepClock,
     Words,
+    digit_at,
 )
 from duobench.tasks.stages.nearness import Nearness
 from duobench.tasks.stages.predicates import VariantIs
@@ -106,9 +108,6 @@ def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
     for memory in memories:
         event = memory.event
         reset = memory.reset
-        only = memory.only
-        if only is not None and not only.ask(state):
-            continue
         if memory in before:
             if reset is not None and reset.ask(state):
                 gone.append(memory)
@@ -162,6 +161,10 @@ class _Judgement:
     final_holds: bool
     stayed: tuple[bool, ...]
     """Whether the lasting part of each reached stage has stayed."""
+    followed: tuple[Number, ...]
+    """Numbers that were looked at, and may have changed."""
+    read: frozenset[Number]
+    """Numbers on whose digits some answer depended."""
 
 
 def check_names(
@@ -203,7 +206,8 @@ def check_names(
                 _check_variant(part, variants, options)
         except UnknownNameError as error:
             raise UnknownNameError(f"Stage {stage.name!r}: {error}") from error
-        unnamed = state.answers.keys() - parts.keys()
+        asked = state.answers.keys() | state.conclusions.keys()
+        unnamed = asked - parts.keys()
         lost = [p for p in unnamed if memories_in([p]) or clocks_in([p])]
         if lost:
             raise TaskError(
@@ -240,6 +244,15 @@ class Progress:
         self._stages = stages
         constraints = constraints_of(stages)
         self._memories = memories_in(constraints)
+        self._events = [m for m in self._memories if m.number is None]
+        """Memories that are no digits of a number."""
+        self._digits: dict[Number, list[Since]] = {}
+        """Binary digits of each number that is remembered, lowest first."""
+        for part in dict.fromkeys(sinces_in(constraints)):
+            if part.memory.number is not None:
+                self._digits.setdefault(part.memory.number, []).append(part)
+        self._units: dict[Number, float] = {}
+        """Each of these numbers that was looked at since the last reset."""
         self._remembered: frozenset[Memory] = frozenset()
         self._clocks = clocks_in(constraints)
         self._awaited = _awaited(constraints)
@@ -330,6 +343,7 @@ class Progress:
         self._past = {}
         self._judged = None
         self._recent.clear()
+        self._units.clear()
 
     def get_state(self) -> ProgressState:
         """All that the next judgement depends on, beside the simulation and the layout."""
@@ -362,6 +376,7 @@ class Progress:
         self._past = {}
         self._judged = None
         self._recent.clear()
+        self._units.clear()
 
     def counts_since(self, earlier: ProgressState) -> bool:
         """Whether a clock has counted since an earlier state of which something is still awaited.
@@ -385,6 +400,7 @@ class Progress:
                 if number > 0:
                     self._recent.insert(0, self._recent.pop(number))
                 stayed = judgement.stayed
+                self._follow(judgement.followed, state)
                 break
         else:
             stayed = self._judge(state)
@@ -447,15 +463,30 @@ class Progress:
                 break
         stays = (stage.stays for stage in self._stages[: self.stage])
         stayed = tuple(part is None or part.ask(state) for part in stays)
-        self._remembered = recalled(self._memories, state)
+        self._remembered = recalled(self._events, state)
+        followed = [number for number in self._digits if number.when.ask(state)]
         if (self.stage, self._remembered) != before:
             self._recent.clear()
         elif self._explained is None:
-            judgement = self._recorded(state, running, cleared, stayed)
+            judgement = self._recorded(state, running, cleared, stayed, followed)
             self._recent = [judgement, *self._recent[: JUDGEMENTS - 1]]
+        self._follow(followed, state)
         if self._explained is not None:
             self._explain(self._explained, state)
         return stayed
+
+    def _follow(self, numbers: Iterable[Number], state: StateView) -> None:
+        """Remember what numbers are at this step."""
+        for number in numbers:
+            units = number.units(state)
+            if units == self._units.get(number):
+                continue
+            self._units[number] = units
+            digits = self._digits[number]
+            ones = [d.memory for place, d in enumerate(digits) if digit_at(place, units)]
+            others = self._remembered.difference(digit.memory for digit in digits)
+            self._remembered = others.union(ones)
+            self._recent = [each for each in self._recent if number not in each.read]
 
     def _recorded(
         self,
@@ -463,6 +494,7 @@ class Progress:
         running: list[StepClock],
         cleared: dict[StepClock, int],
         stayed: tuple[bool, ...],
+        followed: list[Number],
     ) -> _Judgement:
         contacts = state.simulation.contacts
         pairs: list[Pair] = []
@@ -471,8 +503,6 @@ class Progress:
         over: list[bool] = []
         seen: list[tuple[Predicate, bool]] = []
         for predicate, answer in state.answers.items():
-            if not predicate.looks:
-                continue
             touch = predicate.touch
             if touch is not None:
                 pair = self._pairs.get(predicate)
@@ -498,6 +528,12 @@ class Progress:
             cleared=cleared,
             final_holds=self.final_holds,
             stayed=stayed,
+            followed=tuple(followed),
+            read=frozenset(
+                number
+                for number, digits in self._digits.items()
+                if not state.conclusions.keys().isdisjoint(digits)
+            ),
         )
 
     def _view(self, simulation: Simulation) -> StateView:
