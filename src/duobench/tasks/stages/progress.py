@@ -147,10 +147,8 @@ class _Judgement:
     """Whether each of these pairs touched."""
     told: Mapping[Predicate, bool]
     """Values of these predicates."""
-    waits: tuple[tuple[StepClock, int], ...]
-    """Clocks that were looked at, and counts that were waited for."""
-    over: list[bool]
-    """Whether each of these was reached."""
+    waits: tuple[tuple[StepClock, int, bool], ...]
+    """Clocks that were looked at, counts that were waited for, and whether they were reached."""
     seen: tuple[tuple[Predicate, bool], ...]
     """Other predicates that looked at the step, in the order in which they were asked, and their
     values."""
@@ -400,7 +398,8 @@ class Progress:
                 if number > 0:
                     self._recent.insert(0, self._recent.pop(number))
                 stayed = judgement.stayed
-                self._follow(judgement.followed, state)
+                if judgement.followed:
+                    self._follow(judgement.followed, state)
                 break
         else:
             stayed = self._judge(state)
@@ -424,11 +423,13 @@ class Progress:
         """
         if state.simulation.contacts.are_touching(earlier.pairs) != earlier.touching:
             return False
-        lasted = {**self._lasted, **earlier.cleared}
+        lasted = self._lasted.copy()
+        lasted.update(earlier.cleared)
         for clock in earlier.running:
             lasted[clock] += 1
-        if [lasted[clock] >= count for clock, count in earlier.waits] != earlier.over:
-            return False
+        for clock, count, is_over in earlier.waits:
+            if (lasted[clock] >= count) is not is_over:
+                return False
         state.lasted = lasted
         answers = state.answers
         for predicate, answer in earlier.seen:
@@ -499,8 +500,7 @@ class Progress:
         contacts = state.simulation.contacts
         pairs: list[Pair] = []
         told: dict[Predicate, bool] = {}
-        waits: list[tuple[StepClock, int]] = []
-        over: list[bool] = []
+        waits: list[tuple[StepClock, int, bool]] = []
         seen: list[tuple[Predicate, bool]] = []
         for predicate, answer in state.answers.items():
             touch = predicate.touch
@@ -513,8 +513,7 @@ class Progress:
                     told[predicate] = answer
                     continue
             elif isinstance(predicate, HeldFor):
-                waits.append((predicate.clock, predicate.steps))
-                over.append(answer)
+                waits.append((predicate.clock, predicate.steps, answer))
                 continue
             seen.append((predicate, answer))
         return _Judgement(
@@ -522,7 +521,6 @@ class Progress:
             touching=contacts.are_touching(pairs),
             told=told,
             waits=tuple(waits),
-            over=over,
             seen=tuple(seen),
             running=tuple(running),
             cleared=cleared,

@@ -394,6 +394,9 @@ class Simulation(Questions):
     def _numbers(self, array: Array, row: int | slice) -> Any:
         return array[row].tolist()
 
+    def _number(self, array: Array, place: int) -> float:
+        return array.item(place)
+
     def chosen(
         self, choice: str, rows: Mapping[str, Sequence[float]]
     ) -> Sequence[float]:
