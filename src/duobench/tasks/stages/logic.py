@@ -128,6 +128,20 @@ class StateView:
     _found: dict[object, Any] = field(default_factory=dict)
     """Values computed of poses so far."""
 
+    def begin(
+        self,
+        simulation: Simulation,
+        remembered: frozenset[Memory],
+        lasted: Mapping[StepClock, int],
+    ) -> None:
+        """See the next step of the same episode."""
+        self.simulation = simulation
+        self.remembered = remembered
+        self.lasted = lasted
+        self.answers = {}
+        self.conclusions = {}
+        self._found = {}
+
     def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
         """Origin of a body in the frame of another body, in metres, computed once."""
         found = self._found.get((body, frame))

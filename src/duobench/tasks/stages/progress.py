@@ -265,6 +265,8 @@ class Progress:
         self._explained: list[Since] | None = None
         self._past: dict[Memory, str] = {}
         self._judged: StateView | None = None
+        self._state: StateView | None = None
+        """The step that was judged last, of this episode."""
         self._recent: list[_Judgement] = []
         """Different ones with this stage and these memories, the last one first."""
         self._pairs: dict[Predicate, Pair] = {}
@@ -279,6 +281,7 @@ class Progress:
         self._explained = sinces_in(constraints) if on else None
         self._past = {}
         self._judged = None
+        self._state = None
         self._recent.clear()
 
     @property
@@ -340,6 +343,7 @@ class Progress:
         self._lost = [0] * self.max_stage
         self._past = {}
         self._judged = None
+        self._state = None
         self._recent.clear()
         self._units.clear()
 
@@ -373,6 +377,7 @@ class Progress:
         self.stage, self.final_holds = state.stage, state.final_holds
         self._past = {}
         self._judged = None
+        self._state = None
         self._recent.clear()
         self._units.clear()
 
@@ -392,7 +397,11 @@ class Progress:
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        state = self._view(simulation)
+        state = self._state
+        if state is None:
+            state = self._state = self._view(simulation)
+        else:
+            state.begin(simulation, self._remembered, self._lasted)
         for number, judgement in enumerate(self._recent):
             if self._is_repeated(judgement, state):
                 if number > 0:

@@ -424,26 +424,28 @@ class Simulation(Questions):
             high: Top of the cylinder, in metres.
         """
         places, _ = self._places_of(props)
-        xs, ys, zs = [self._positions[column].tolist() for column in places]
         origin = ox, oy, oz = self.origin(vessel)
+        far = radius + max(abs(low), abs(high)) + CLEARLY
+        columns: list[list[float]] = []
+        for place, middle in zip(places, origin, strict=True):
+            column = self._positions[place].tolist()
+            if min(column) > middle + far or max(column) < middle - far:
+                return {}  # none is near
+            columns.append(column)
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(vessel)
-        far = math.hypot(radius, max(abs(low), abs(high))) + CLEARLY
-        near = radius - CLEARLY
+        near = (radius - CLEARLY) ** 2
         found: dict[int, float] = {}
-        points = zip(xs, ys, zs, strict=True)
-        for number, distance in enumerate(map(math.dist, points, repeat(origin))):
-            if distance > far:
-                continue
-            x = xs[number] - ox
-            y = ys[number] - oy
-            z = zs[number] - oz
+        number = 0
+        for x, y, z in zip(*columns, strict=True):
+            x, y, z = x - ox, y - oy, z - oz
             up = xz * x + yz * y + zz * z
             if low <= up <= high and (
-                distance < near
+                x * x + y * y + z * z < near
                 or math.hypot(xx * x + yx * y + zx * z, xy * x + yy * y + zy * z)
                 <= radius
             ):
                 found[number] = up
+            number += 1
         return found
 
     def are_slower(
@@ -474,11 +476,11 @@ class Simulation(Questions):
 
     def _places_of(self, props: tuple[str, ...]) -> tuple[list[Places], list[Places]]:
         """Places of x, y and z of positions, and of velocities, of free props."""
-        found = self._places.get(props)
+        found = self._places.get(id(props))
         if found is None:
             bodies = [3 * self.body_id(name) for name in props]
             dofs = [self._dofs[name] for name in props]
-            found = self._places[props] = _columns(bodies), _columns(dofs)
+            found = self._places[id(props)] = _columns(bodies), _columns(dofs)
         return found
 
     def height_bounds(self, prop: str) -> tuple[float, float] | None:
