@@ -86,8 +86,9 @@ def led_in(
     # This costs a tenth of what follows, and is the answer at most steps of an episode.
     x, y, z = state.relative_position(peg.body, socket.body)
     at_x, at_y, at_z = socket.at
-    furthest = math.hypot(MAX_DEPTH, offset) + peg.reach
-    near = hypot(x - at_x, y - at_y, z - at_z) <= furthest
+    x, y, z = x - at_x, y - at_y, z - at_z
+    furthest = MAX_DEPTH + offset + peg.reach
+    near = x * x + y * y + z * z <= furthest * furthest
     if near is False:  # one simulation; of many, some may be near
         return False
     height, aside = tip_in(state, peg, socket)

@@ -141,10 +141,8 @@ class _Judgement:
     memories are the same: predicates are pure.
     """
 
-    pairs: tuple[Pair, ...]
-    """Owners of contacts that were all that some predicates looked at."""
-    touching: list[bool]
-    """Whether each of these pairs touched."""
+    pairs: tuple[tuple[Pair, bool], ...]
+    """Owners of contacts that were all that some predicates looked at, and whether they touched."""
     told: Mapping[Predicate, bool]
     """Values of these predicates."""
     waits: tuple[tuple[StepClock, int, bool], ...]
@@ -430,7 +428,7 @@ class Progress:
             earlier: The earlier step.
             state: This one; it gets the answers about it so far.
         """
-        if state.simulation.contacts.are_touching(earlier.pairs) != earlier.touching:
+        if not state.simulation.contacts.are_touching(earlier.pairs):
             return False
         lasted = self._lasted.copy()
         lasted.update(earlier.cleared)
@@ -507,7 +505,7 @@ class Progress:
         followed: list[Number],
     ) -> _Judgement:
         contacts = state.simulation.contacts
-        pairs: list[Pair] = []
+        pairs: list[tuple[Pair, bool]] = []
         told: dict[Predicate, bool] = {}
         waits: list[tuple[StepClock, int, bool]] = []
         seen: list[tuple[Predicate, bool]] = []
@@ -517,8 +515,9 @@ class Progress:
                 pair = self._pairs.get(predicate)
                 if pair is None:
                     pair = self._pairs[predicate] = contacts.pair(touch)
-                if touch.is_all or not contacts.are_touching([pair])[0]:
-                    pairs.append(pair)
+                is_touching = contacts.is_touching(pair)
+                if touch.is_all or not is_touching:
+                    pairs.append((pair, is_touching))
                     told[predicate] = answer
                     continue
             elif isinstance(predicate, HeldFor):
@@ -527,7 +526,6 @@ class Progress:
             seen.append((predicate, answer))
         return _Judgement(
             pairs=tuple(pairs),
-            touching=contacts.are_touching(pairs),
             told=told,
             waits=tuple(waits),
             seen=tuple(seen),

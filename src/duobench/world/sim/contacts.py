@@ -250,10 +250,18 @@ class Contacts(ContactOwners):
             [self._index[other] for other in touch.others]
         )
 
-    def are_touching(self, pairs: Iterable[Pair]) -> list[bool]:
-        """Whether the first owner of each pair is in contact with one of the others."""
+    def is_touching(self, pair: Pair) -> bool:
+        """Whether the first owner of a pair is in contact with one of the others."""
+        row, group = pair
+        return self._partners[row] & group != 0
+
+    def are_touching(self, pairs: Iterable[tuple[Pair, bool]]) -> bool:
+        """Whether each of these pairs touches, or does not, as is said of it."""
         partners = self._partners
-        return [partners[row] & group != 0 for row, group in pairs]
+        for (row, group), touching in pairs:
+            if (partners[row] & group != 0) is not touching:
+                return False
+        return True
 
     def partners(self, owner: str) -> frozenset[str]:
         """All owners in contact with one."""

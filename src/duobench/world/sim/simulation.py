@@ -424,15 +424,17 @@ class Simulation(Questions):
             high: Top of the cylinder, in metres.
         """
         places, _ = self._places_of(props)
-        origin = ox, oy, oz = self.origin(vessel)
-        far = radius + max(abs(low), abs(high)) + CLEARLY
-        columns: list[list[float]] = []
-        for place, middle in zip(places, origin, strict=True):
-            column = self._positions[place].tolist()
-            if min(column) > middle + far or max(column) < middle - far:
-                return {}  # none is near
-            columns.append(column)
+        ox, oy, oz = self.origin(vessel)
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(vessel)
+        middle = (low + high) / 2
+        centre = ox + middle * xz, oy + middle * yz, oz + middle * zz
+        far = math.hypot(radius, high - middle) + CLEARLY
+        columns: list[list[float]] = []
+        for place, at in zip(places, centre, strict=True):
+            column = self._positions[place].tolist()
+            if min(column) > at + far or max(column) < at - far:
+                return {}  # all are beside a ball around the cylinder
+            columns.append(column)
         near = (radius - CLEARLY) ** 2
         found: dict[int, float] = {}
         number = 0
