@@ -192,9 +192,7 @@ def in_any_way(
     each = [question(peg, socket) for peg, socket in ways]
 
     def otherwise(state: StateView) -> str:
-        away = [
-            math.hypot(*tip_in(state, peg, socket)) for peg, socket in ways
-        ]
+        away = [math.hypot(*tip_in(state, peg, socket)) for peg, socket in ways]
         return ", ".join(each[away.index(min(away))].unmet(state))
 
     return any_of(*each).called(each[0].name, otherwise)

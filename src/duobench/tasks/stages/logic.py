@@ -61,8 +61,7 @@ class Memory:
     reset: Predicate | None
     """Predicate that clears the memory, if any."""
     number: Number | None = None
-    """Number that it is a binary digit of, if it is one: the next one after what is remembered
-    before it."""
+    """Number of which it is a binary digit, if it is one."""
 
 
 @dataclass(
@@ -72,12 +71,12 @@ class Memory:
     eq=False,
 )
 class Number:
-    """A number that is remembered in binary digits; see `kept`."""
+    """A number that is remembered in binary digits, as `kept` does."""
 
     units: Callable[[StateView], float]
-    """Its whole units at this step."""
+    """Function that gives its whole units at a step."""
     when: Predicate
-    """Predicate of the steps at which it is looked at; at others it stays what it was."""
+    """Predicate of the steps at which it is remembered anew."""
 
 
 @dataclass(
@@ -207,8 +206,11 @@ class Predicate:
     """Contacts on which its value depends, if it is about some."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """Same as calling the predicate, as a plain function, which Python calls in half the time."""
+    cost: int = field(init=False, repr=False)
+    """What the first look takes: 0 where all is remembered, 1 for contacts and 2 for poses."""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "cost", self._first_cost())
         test = self.test
 
         def look(state: StateView) -> bool:
@@ -224,6 +226,11 @@ class Predicate:
             return answer
 
         object.__setattr__(self, "ask", look if self.looks else conclude)
+
+    def _first_cost(self) -> int:
+        if self.touch is not None:
+            return 1
+        return 2 if self.looks else min((part.cost for part in self.parts), default=0)
 
     def __call__(self, state: StateView) -> bool:
         """Whether it holds."""
@@ -391,6 +398,9 @@ class Since(Predicate):
         """Whether it was remembered, or could have been."""
         return self.memory in state.past or self.ask(state) or self._now(state)
 
+    def _first_cost(self) -> int:
+        return 0
+
     def _now(self, state: StateView) -> bool:
         return self.at is not None and self.at.ask(state)
 
@@ -438,7 +448,8 @@ def since(
         reset: What makes it forgotten, if anything: it held at none of the steps from the one that
             is remembered to the last one. So `since(left, reset=right)` is true where the last of
             the two that held was `left`.
-        number: The number that it is a digit of, if it is one.
+        number: The number of which it is a binary digit, if it is one; `Progress` remembers all
+            digits of it at once.
     """
     memory = Memory(event=predicate, reset=reset, number=number)
     name = f"since {predicate.name}" + (
@@ -527,6 +538,9 @@ class HeldFor(Predicate):
         """The same in control steps."""
         return _steps(self.seconds)
 
+    def _first_cost(self) -> int:
+        return 0
+
     def _unmet(self, state: StateView) -> Words:
         part = self.clock.of
         lasted = state.lasted.get(self.clock, 0) / CONTROL_HZ
@@ -572,20 +586,11 @@ def _not(predicate: Predicate) -> Predicate:
     )
 
 
-def _cost(predicate: Predicate) -> int:
-    """How much it takes to begin to answer: a memory, contacts or poses."""
-    if isinstance(predicate, Not | AllOf | AnyOf):
-        return min(map(_cost, predicate.parts), default=0)
-    if isinstance(predicate, HeldFor) or not predicate.looks:
-        return 0
-    return 2 if predicate.touch is None else 1
-
-
 def _cheapest_first(
     predicates: Sequence[Predicate],
 ) -> tuple[Callable[[StateView], bool], ...]:
-    """Functions that ask predicates whose order is free; what may settle it cheaply is first."""
-    return tuple(part.ask for part in sorted(predicates, key=_cost))
+    """Functions that ask predicates of which one may settle it: poses are looked at last."""
+    return tuple(part.ask for part in sorted(predicates, key=lambda part: part.cost))
 
 
 @shared

@@ -93,10 +93,8 @@ def pouring(
         return len(state.once(look, look)) == len(things)
 
     def any_lies(state: StateView) -> bool:
-        heights = state.once(look, look)
-        if not heights:
-            return False
-        if all_lie.ask(state):
+        heights: dict[int, float] = state.once(look, look)
+        if len(heights) == len(things) and each_lies(state):
             return True
         return any(
             up <= lower.high and slow[number].test(state)
@@ -107,9 +105,7 @@ def pouring(
         heights = state.once(look, look)
         if len(heights) < len(things) or max(heights.values()) > lower.high:
             return False
-        clearly = state.simulation.are_slower(
-            things, vessel, LYING_SPEED, within=reach
-        )
+        clearly = state.simulation.are_slower(things, vessel, LYING_SPEED, within=reach)
         return clearly or all(part.test(state) for part in slow)
 
     def count(state: StateView) -> str:

@@ -491,7 +491,9 @@ class Progress:
                 continue
             self._units[number] = units
             digits = self._digits[number]
-            ones = [d.memory for place, d in enumerate(digits) if digit_at(place, units)]
+            ones = [
+                d.memory for place, d in enumerate(digits) if digit_at(place, units)
+            ]
             others = self._remembered.difference(digit.memory for digit in digits)
             self._remembered = others.union(ones)
             self._recent = [each for each in self._recent if number not in each.read]

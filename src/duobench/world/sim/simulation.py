@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import repeat
 from typing import Any, NoReturn
 
 import mujoco
@@ -168,7 +167,9 @@ class Simulation(Questions):
         self.contacts = Contacts(self.model, self.data, robot.gripper)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
-        self._places: dict[tuple[str, ...], tuple[list[Places], list[Places]]] = {}
+        self._places: dict[int, tuple[tuple[str, ...], list[Places], list[Places]]] = {}
+        """Names of many props, and places of their positions and velocities, by the names'
+        identity: to hash them takes longer than what the places are for."""
         self._positions = self.data.xpos.reshape(-1)
         self._few = {
             name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS
@@ -423,7 +424,7 @@ class Simulation(Questions):
             low: Bottom of the cylinder, in metres.
             high: Top of the cylinder, in metres.
         """
-        places, _ = self._places_of(props)
+        _, places, _ = self._places_of(props)
         ox, oy, oz = self.origin(vessel)
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(vessel)
         middle = (low + high) / 2
@@ -437,9 +438,9 @@ class Simulation(Questions):
             columns.append(column)
         near = (radius - CLEARLY) ** 2
         found: dict[int, float] = {}
-        number = 0
-        for x, y, z in zip(*columns, strict=True):
-            x, y, z = x - ox, y - oy, z - oz
+        points = zip(*columns, strict=True)
+        for number, (px, py, pz) in enumerate(points):
+            x, y, z = px - ox, py - oy, pz - oz
             up = xz * x + yz * y + zz * z
             if low <= up <= high and (
                 x * x + y * y + z * z < near
@@ -447,7 +448,6 @@ class Simulation(Questions):
                 <= radius
             ):
                 found[number] = up
-            number += 1
         return found
 
     def are_slower(
@@ -466,7 +466,7 @@ class Simulation(Questions):
             limit: Speed in m/s.
             within: How far from its origin they are at most, in metres.
         """
-        _, places = self._places_of(props)
+        _, _, places = self._places_of(props)
         ox, oy, oz, wx, wy, wz = self._velocity(frame)
         xs, ys, zs = [self._qvel[column].tolist() for column in places]
         fastest = math.hypot(
@@ -476,13 +476,15 @@ class Simulation(Questions):
         )
         return fastest + math.hypot(wx, wy, wz) * within < limit - CLEARLY
 
-    def _places_of(self, props: tuple[str, ...]) -> tuple[list[Places], list[Places]]:
-        """Places of x, y and z of positions, and of velocities, of free props."""
+    def _places_of(
+        self, props: tuple[str, ...]
+    ) -> tuple[tuple[str, ...], list[Places], list[Places]]:
+        """Names of free props, and places of x, y and z of positions and of velocities."""
         found = self._places.get(id(props))
         if found is None:
             bodies = [3 * self.body_id(name) for name in props]
             dofs = [self._dofs[name] for name in props]
-            found = self._places[id(props)] = _columns(bodies), _columns(dofs)
+            found = self._places[id(props)] = props, _columns(bodies), _columns(dofs)
         return found
 
     def height_bounds(self, prop: str) -> tuple[float, float] | None:
