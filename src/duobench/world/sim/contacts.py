@@ -203,8 +203,6 @@ class Contacts(ContactOwners):
         """Frame (9,) of each contact: a view of the engine's."""
         self._pairs: list[list[int]] = []
         self._distances: list[float] = []
-        self._grasped: dict[tuple[Side, int], bool] = {}
-        """Answers of `grasped` since the last update; several questions ask the same."""
         self._solved = False
         """Whether contacts have forces: the engine finds contacts first."""
         self._pads = {
@@ -241,7 +239,6 @@ class Contacts(ContactOwners):
                 touching.append(0)
         self._partners, self._touching = partners, touching
         self._frames = contact.frame
-        self._grasped.clear()
         self._solved = False
 
     def pair(self, touch: Touch) -> Pair:
@@ -384,16 +381,10 @@ class Contacts(ContactOwners):
         row, fingers = self._index[owner], self._fingers[side]
         if self._partners[row] & fingers != fingers:
             return False
-        answer = self._grasped.get((side, row))
-        if answer is None:
-            answer = self._grasped[side, row] = self._grasps(side, row)
-        return answer
-
-    def _grasps(self, side: Side, row: int) -> bool:
         one, other, _, _ = self._limbs[side]
-        (left_x, left_y, left_z), (right_x, right_y, right_z) = self._pads[
-            side
-        ].tolist()
+        left, right = self._pads[side].tolist()
+        left_x, left_y, left_z = left
+        right_x, right_y, right_z = right
         x = right_x - left_x
         y = right_y - left_y
         z = right_z - left_z
