@@ -425,8 +425,9 @@ class Simulation(Questions):
             high: Top of the cylinder, in metres.
         """
         _, places, _ = self._places_of(props)
-        ox, oy, oz = self.origin(vessel)
-        xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(vessel)
+        row = self._bodies[vessel]
+        ox, oy, oz = self._xpos[row].tolist()
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[row].tolist()
         middle = (low + high) / 2
         centre = ox + middle * xz, oy + middle * yz, oz + middle * zz
         far = math.hypot(radius, high - middle) + CLEARLY
@@ -467,14 +468,12 @@ class Simulation(Questions):
             within: How far from its origin they are at most, in metres.
         """
         _, _, places = self._places_of(props)
-        ox, oy, oz, wx, wy, wz = self._velocity(frame)
-        xs, ys, zs = [self._qvel[column].tolist() for column in places]
-        fastest = math.hypot(
-            max(max(xs) - ox, ox - min(xs)),
-            max(max(ys) - oy, oy - min(ys)),
-            max(max(zs) - oz, oz - min(zs)),
-        )
-        return fastest + math.hypot(wx, wy, wz) * within < limit - CLEARLY
+        velocity = self._velocity(frame)
+        fastest = math.hypot(*velocity[3:]) * within
+        for place, along in zip(places, velocity[:3], strict=True):
+            column = self._qvel[place].tolist()
+            fastest += max(max(column) - along, along - min(column))
+        return fastest < limit - CLEARLY
 
     def _places_of(
         self, props: tuple[str, ...]
