@@ -595,7 +595,7 @@ def _cheapest_first(
 
 @shared
 def all_of(*predicates: Predicate) -> Predicate:
-    """All hold."""
+    """All hold; parts are asked in any order."""
     name = " and ".join(p.name for p in predicates)
     asks = _cheapest_first(predicates)
 
@@ -615,7 +615,7 @@ def all_of(*predicates: Predicate) -> Predicate:
 
 @shared
 def any_of(*predicates: Predicate) -> Predicate:
-    """Disjunction: at least one predicate holds."""
+    """Disjunction: at least one predicate holds; parts are asked in any order."""
     name = " or ".join(p.name for p in predicates)
     asks = _cheapest_first(predicates)
 
