@@ -21,6 +21,7 @@ from duobench.tasks.stages.passage import Passage
 from duobench.tasks.stages.predicates import (
     FLICKER_SECONDS,
     grasped,
+    grasped_by_any,
     lifted,
     off_table,
     released,
@@ -85,7 +86,11 @@ class Handover:
         return any_of(*(self._put_by(side, there) for side in SIDES))
 
     def _put_by(self, side: Side, there: Predicate) -> Predicate:
-        event = (self.in_hand[side] & there).called(
+        # Fingers that close on what fell there may raise it by a hair.
+        fell = since(
+            released(self.prop) & ~there, reset=grasped_by_any(self.prop) & ~there
+        ).called(f"{self.prop} was dropped")
+        event = all_of(self.in_hand[side], there, ~fell).called(
             f"{side} has {self.prop} at its place"
         )
         put = since(event, reset=~there | self.disturbed[side])
