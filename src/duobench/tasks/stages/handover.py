@@ -87,9 +87,8 @@ class Handover:
 
     def _put_by(self, side: Side, there: Predicate) -> Predicate:
         # Fingers that close on what fell there may raise it by a hair.
-        fell = since(
-            released(self.prop) & ~there, reset=grasped_by_any(self.prop) & ~there
-        ).called(f"{self.prop} was dropped")
+        loose = held_for(released(self.prop), FLICKER_SECONDS)
+        fell = since(loose, reset=grasped_by_any(self.prop) & ~there)
         event = all_of(self.in_hand[side], there, ~fell).called(
             f"{side} has {self.prop} at its place"
         )
