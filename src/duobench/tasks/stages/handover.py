@@ -89,7 +89,10 @@ class Handover:
         # Fingers that close on what fell there may raise it by a hair.
         loose = held_for(released(self.prop), FLICKER_SECONDS)
         fell = since(loose, reset=grasped_by_any(self.prop) & ~there)
-        event = all_of(self.in_hand[side], there, ~fell).called(
+        brought = (~fell).called(
+            f"{self.prop} is brought there", lambda _state: f"{self.prop} fell there"
+        )
+        event = all_of(self.in_hand[side], there, brought).called(
             f"{side} has {self.prop} at its place"
         )
         put = since(event, reset=~there | self.disturbed[side])
