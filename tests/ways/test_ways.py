@@ -93,7 +93,8 @@ def test_a_way_gets_what_it_deserves(task: str, way: Way) -> None:
 def test_an_adversary_gets_no_more_with_another_gripper(task: str) -> None:
     named = ways_of(task).ADVERSARIES.items()
     way = next(way for name, way in named if HAND[task] in name)
-    check_way(bench_of(task, "franka_hand"), replace(way, lacks="", slowness=2))
+    slowness = 2 if task == "transfer_reorient" else 1  # faster, the peg swivels in the hand
+    check_way(bench_of(task, "franka_hand"), replace(way, lacks="", slowness=slowness))
 
 
 def check_way(bench: TaskHarness, way: Way) -> None:
