@@ -8,6 +8,7 @@ import subprocess
 import threading
 from contextlib import closing, nullcontext
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,6 +17,9 @@ from duobench.cli.shared.rigs import KeyTerminal
 from duobench.data import DataSet
 from duobench.real.calibration.views import ViewFolder
 from duobench.real.rig import Rig
+from duobench.real.sessions.operator import QUIT
+from duobench.real.sessions.preparing import ACTIVATE_BUTTON, HOME_BUTTON, PLACED_BUTTON
+from duobench.real.sessions.rig_teleoperation import ENDS
 from tests.docs.markdown import attend, blocks, command, page_of, run, run_python, text_of
 from tests.quick_first import quick_first
 from tests.real.sessions.operator import Operator
@@ -90,13 +94,12 @@ def test_the_rig_and_the_views_of_pages_are_some(
 # --- recording -----------------------------------------------------------------------------------
 
 ANSWERS = {
-    "a: activate": "a",
-    "h: they go home": "h",
-    "p: placed": "p",
+    f"\n{ACTIVATE_BUTTON.key}: {ACTIVATE_BUTTON.words}; q: end.": ACTIVATE_BUTTON.key,
+    f"\n{HOME_BUTTON.key}: {HOME_BUTTON.words}; q: end.": HOME_BUTTON.key,
+    f"\n{PLACED_BUTTON.key}: {PLACED_BUTTON.words}; q: end.": PLACED_BUTTON.key,
     "k: keep it": "k",
-    "h: go home": "q",
 }
-"""What the operator answers; the session of teleoperation is ended at once."""
+"""What the operator answers; another question, as that of teleoperation, ends the session."""
 MORE = {"export": " --cameras head --size 32 48", "train": " --print"}
 """What makes commands shorter."""
 
@@ -112,10 +115,10 @@ def answered(line: str, folder: Path) -> str:
         assert process.stdout is not None
         for text in process.stdout:
             said += text
-            for question, answer in ANSWERS.items():
-                if question in text:
-                    process.stdin.write(answer)
-                    process.stdin.flush()
+            if ENDS in text:
+                known = (each for each in ANSWERS if each in f"\n{text}")
+                process.stdin.write(ANSWERS.get(next(known, ""), QUIT))
+                process.stdin.flush()
     assert process.returncode == 0, said
     return said
 
@@ -171,16 +174,18 @@ def operate(page: Page) -> None:
         living.join()
 
 
+def must_activate(status: dict[str, Any]) -> bool:
+    return any(button["id"] == ACTIVATE_BUTTON.id for button in status["panel"]["buttons"])
+
+
 def judge(operator: Operator) -> None:
     operator.phase("placing")
     if operator.status["fault"]:
         operator.say("recover")
         operator.until(lambda status: not status["fault"])
-    if operator.status["hands"]["inactive"]:
+    if must_activate(operator.status):
         operator.say("activate")
-        operator.until(
-            lambda status: status["phase"] == "placing" and not status["hands"]["inactive"]
-        )
+        operator.until(lambda status: status["phase"] == "placing" and not must_activate(status))
     status = operator.begin()
     attempt = status["trial"]["attempt"]
     operator.until(

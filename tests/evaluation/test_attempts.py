@@ -65,7 +65,7 @@ def test_an_attempt_that_was_not_the_first_is_counted(
     again = write_bundle(open_source(bundle), tmp_path / "again.duobench.zip")
     assert again.attempts[record.key.path][0] == end
     page = write_comparison(compare([str(folder.path), str(bundle)]), tmp_path / "comparison")
-    assert re.search(r'<td class="right">[1-4]</td></tr>', page.read_text())
+    assert re.search(r'<td class="right">[1-4]</td>\n<td class="verified">', page.read_text())
 
 
 def test_a_run_of_errors_that_gives_way_takes_no_attempt_back(play: Play) -> None:

@@ -15,6 +15,9 @@ from duobench.tasks.stages.progress import Progress
 from duobench.tasks.task import Task
 from tests.real.sessions.operator import Stand
 
+HELD_AFTER_S = 2.0
+"""Seconds of a trial after which the operator holds the arms: before anything is lifted, which may
+end it."""
 ERRS = 0.05
 """Share of presses that are wrong at first."""
 PATIENCE = 2000
@@ -156,7 +159,7 @@ class RehearsalOperator:
             trial.reached[progress.stage] = now - self._began
             self._plan(progress.stage, now)
         number = cast("int", self._session._trial and self._session._trial.number)
-        if number in self._holds_in and now - self._began > 3.0 and not trial.was_held:
+        if number in self._holds_in and now - self._began > HELD_AFTER_S and not trial.was_held:
             trial.was_held = True
             self._session.take(messages.Hold())
         self._press()

@@ -272,6 +272,7 @@ def test_a_child_that_hangs_ends_in_an_error_and_the_next_image_comes_from_anoth
             seen()
         except RenderingError as error:
             print(error)
+        rendering_process.FRAME_TIMEOUT_S = 60.0
         print(seen() == first)
         """
     ) as process:

@@ -168,6 +168,11 @@ class _RenderChannel:
         with memoryview(self._room) as room, room[: int.from_bytes(head)] as content:
             return pickle.loads(content)
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether this end was closed."""
+        return self._connection.fileno() < 0
+
     def close(self) -> None:
         """Close this end."""
         self._connection.close()
@@ -224,8 +229,8 @@ class RenderingProcess:
 
     @property
     def is_running(self) -> bool:
-        """Whether it can be asked."""
-        return self._process.poll() is None
+        """Whether it can be asked; one that was ended cannot, even where it takes long to die."""
+        return not self._channel.is_closed and self._process.poll() is None
 
     def new_number(self) -> int:
         """A number for a renderer, which no other one has."""
