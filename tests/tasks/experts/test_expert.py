@@ -47,7 +47,6 @@ def test_a_changed_task_keeps_its_expert() -> None:
     assert find_script(replace(catalog.get("bin_sort"), horizon=5)) is bin_sort.script
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["join_blocks", "transfer_reorient"])
 def test_a_shorter_and_weaker_hand_does_it_too(name: str) -> None:
     task = catalog.get(name)
