@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from duobench.core.spatial import SE3
-from duobench.core.types import Array, DuoCommand, Side
+from duobench.core.types import CONTROL_HZ, Array, DuoCommand, Side
 from duobench.tasks.experts.motion import Arms, Script
 from duobench.tasks.stages.logic import Predicate
 from duobench.tasks.stages.progress import Progress
 from duobench.tasks.task import Task
 from duobench.world.kinematics.inverse import Kinematics
-from duobench.world.robot.frames import ROBOT
+from duobench.world.robot.frames import ROBOT, Robot
 from duobench.world.sim import placement
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation
@@ -38,12 +38,12 @@ MOVED = ("joints", "before", "openings", "targets", "freedom")
 class TaskHarness:
     """One task with its simulation and its stage rule, without Gymnasium around it."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, robot: Robot = ROBOT) -> None:
         self.task = task
-        self.sim = Simulation(task.props)
+        self.sim = Simulation(task.props, robot=robot)
         self.progress = Progress(task.stages)
         self.history: list[int] = []
-        self._kinematics = Kinematics(ROBOT)
+        self._kinematics = Kinematics(robot)
         self._reached: dict[tuple[object, ...], Callable[[], None]] = {}
         self.start(0)
 
@@ -177,7 +177,10 @@ class TaskHarness:
         action = np.asarray(action, dtype=np.float32)
         self.requested = action
         duo = self.sim.duo
-        self.sim.step(DuoCommand.from_flat(duo.clipped(action)))
+        command = DuoCommand.from_flat(duo.clipped(action))
+        if not self.sim.robot.gripper.takes_target(round(self.sim.data.time * CONTROL_HZ)):
+            command = DuoCommand(joints=command.joints, openings=duo.command().openings)
+        self.sim.step(command)
         self.judge()
 
 

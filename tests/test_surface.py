@@ -190,6 +190,7 @@ OFFERED = """
     duobench.world.looks.look
     duobench.world.robot.cameras
     duobench.world.robot.frames
+    duobench.world.robot.gripper
     duobench.world.robot.joints
     duobench.world.robot.mounts
     duobench.world.sim.simulation

@@ -3,14 +3,16 @@
 `python -m dev.benchmarks.sincere --episodes 30` takes, for every task, ways at random from
 `tests.ways` (height, tilt and depth of grasps, places, heights of release, order, arms, slow
 motion, trembling, halts, slips and second grasps), plays each in a layout of its own without a time
-limit, and compares the stage that was reached with what a person would call done.
+limit, and compares the stage that was reached with what a person would call done. With
+`--adversaries` it plays all of these instead, each in as many layouts, at half the speed where it
+failed, and counts who is paid.
 """
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -19,6 +21,8 @@ from rich.progress import track
 from rich.table import Table
 
 from duobench.tasks import catalog
+from duobench.world.robot.frames import robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 from tests.task_harness import TaskHarness
 from tests.ways.play import Judgement, play, ways_of
 
@@ -35,6 +39,8 @@ class Job:
 
     task: str
     seeds: range
+    gripper: str = DEFAULT_GRIPPER
+    adversaries: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,6 +51,14 @@ class Outcome:
     seed: int
     way: str
     judgement: Judgement
+    gets: int | None = None
+    """The stage that it may reach, if it is an adversary."""
+
+    @property
+    def paid(self) -> bool:
+        """Whether it did its deed, and reached more than it may."""
+        most = self.judgement.stage if self.gets is None else self.gets
+        return self.judgement.done and self.judgement.stage > most
 
     @property
     def refused(self) -> bool:
@@ -59,14 +73,28 @@ class Outcome:
 
 def run(job: Job) -> list[Outcome]:
     """Play one job in this process."""
-    bench, sample = TaskHarness(catalog.get(job.task)), ways_of(job.task).sample
-    outcomes = []
-    for seed in job.seeds:
-        way = sample(np.random.default_rng((seed, 0x776179)))
-        judgement = play(bench, way, seed)
-        outcomes.append(
-            Outcome(task=job.task, seed=seed, way=str(way), judgement=judgement)
-        )
+    bench = TaskHarness(catalog.get(job.task), robot_with(job.gripper))
+    ways, outcomes = ways_of(job.task), []
+    for number in job.seeds:
+        if job.adversaries:
+            played = [
+                (name, w, w.seed + number) for name, w in ways.ADVERSARIES.items()
+            ]
+        else:
+            way = ways.sample(np.random.default_rng((number, 0x776179)))
+            played = [(str(way), way, number)]
+        for name, way, seed in played:
+            judgement = play(bench, way, seed)
+            if job.adversaries and not judgement.done:
+                judgement = play(bench, replace(way, slowness=2), seed)
+            outcome = Outcome(
+                task=job.task,
+                seed=seed,
+                way=name,
+                judgement=judgement,
+                gets=way.gets,
+            )
+            outcomes.append(outcome)
     return outcomes
 
 
@@ -78,13 +106,20 @@ def main() -> int:
     parser.add_argument(
         "--tasks", nargs="+", choices=catalog.names(), default=catalog.names()
     )
+    parser.add_argument("--gripper", default=DEFAULT_GRIPPER)
+    parser.add_argument("--adversaries", action="store_true")
     parser.add_argument("--episodes", type=int, default=30)
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     end = arguments.first + arguments.episodes
     jobs = [
-        Job(task=task, seeds=range(start, min(start + EPISODES_A_JOB, end)))
+        Job(
+            task=task,
+            seeds=range(start, min(start + EPISODES_A_JOB, end)),
+            gripper=arguments.gripper,
+            adversaries=arguments.adversaries,
+        )
         for task, start in product(
             arguments.tasks, range(arguments.first, end, EPISODES_A_JOB)
         )
@@ -92,6 +127,11 @@ def main() -> int:
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
         found = track(pool.imap(run, jobs), description="Playing", total=len(jobs))
         outcomes = [outcome for batch in found for outcome in batch]
+    if arguments.adversaries:
+        paid = [f"{o.task}, {o.seed}: {o.way}" for o in outcomes if o.paid]
+        done = sum(outcome.judgement.done for outcome in outcomes)
+        print("\n".join([*paid, f"{len(paid)} paid of {done} adversaries that did it"]))
+        return int(bool(paid))
     table = Table(title="Sincere ways, taken at random")
     for column in (
         "task",

@@ -37,6 +37,7 @@ from duobench.evaluation.rollouts import rollout
 from duobench.policy import BASELINES, HoldPolicy
 from duobench.tasks import catalog
 from duobench.tasks.experts.variety import VARIETIES
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 OPEN_CLOSE = "open_close"
 EXPERTS = ("expert", *(f"expert:{name}" for name in VARIETIES))
@@ -77,6 +78,7 @@ class Job:
     split: str = EVAL
     horizon: int | None = None
     """Control steps an episode lasts at most; None is the task's."""
+    gripper: str = DEFAULT_GRIPPER
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -98,7 +100,13 @@ class Outcome:
 
 def play(job: Job) -> list[Outcome]:
     """Play one job in this process."""
-    env = duobench.make(job.task, cameras=False, split=job.split, horizon=job.horizon)
+    env = duobench.make(
+        job.task,
+        cameras=False,
+        split=job.split,
+        horizon=job.horizon,
+        gripper=job.gripper,
+    )
     policy = Intended(
         OpenClosePolicy()
         if job.policy == OPEN_CLOSE
@@ -138,6 +146,7 @@ def main() -> None:
     parser.add_argument(
         "--tasks", nargs="+", choices=catalog.names(), default=catalog.names()
     )
+    parser.add_argument("--gripper", default=DEFAULT_GRIPPER)
     parser.add_argument("--split", choices=SPLITS, default=EVAL)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="first seed")
@@ -166,6 +175,7 @@ def main() -> None:
             policy=arguments.policy,
             split=arguments.split,
             horizon=arguments.horizon,
+            gripper=arguments.gripper,
             seeds=tuple(range(start, min(start + SEEDS_A_JOB, end))),
             replays=max(0, arguments.first + arguments.replays - start),
         )

@@ -351,9 +351,9 @@ def packed(meshes: Sequence[FineMesh]) -> bytes:
     return content.getvalue()
 
 
-def make(folder: Path) -> bytes:
-    """The shipped file, from a folder with the published ones."""
-    published = dict(line.split() for line in DIGESTS.read_text("utf-8").splitlines())
+def published_files(folder: Path, digests: Path = DIGESTS) -> dict[str, bytes]:
+    """The published files that are in a folder or below it, by the names that digests have."""
+    published = dict(line.split() for line in digests.read_text("utf-8").splitlines())
     files: dict[str, bytes] = {}
     for path in folder.rglob("*"):
         if path.suffix in (".obj", ".stl"):
@@ -361,6 +361,12 @@ def make(folder: Path) -> bytes:
             name = published.get(hashlib.sha256(data).hexdigest())
             if name:
                 files[name] = data
+    return files
+
+
+def make(folder: Path) -> bytes:
+    """The shipped file, from a folder with the published ones."""
+    files = published_files(folder)
     surfaces = [
         reduced(surface(each, files), ERRORS_MM.get(next(iter(each)), ERROR_MM))
         for each in RECIPES

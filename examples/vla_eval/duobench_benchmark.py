@@ -25,12 +25,13 @@ from duobench.core.errors import OptionError, PolicyError, check_known
 from duobench.evaluation import Step
 from duobench.policy.serving.vla_eval import action_spec, observation_spec
 from duobench.tasks import catalog
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 
 class DuoBench(StepBenchmark):
     """The tasks of DuoBench, with actions and observations as a format says.
 
-    The parameters, from `task_ids` to `look`, are those of the table of the page serving;
+    The parameters, from `task_ids` to `gripper`, are those of the table of the page serving;
     vla-eval's episode i is episode `seed + i` of `duobench eval`.
     """
 
@@ -53,6 +54,7 @@ class DuoBench(StepBenchmark):
         binary_gripper: bool = False,
         format: str = "vla_eval",
         look: str = "default",
+        gripper: str = DEFAULT_GRIPPER,
     ) -> None:
         super().__init__()
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
@@ -76,6 +78,7 @@ class DuoBench(StepBenchmark):
             horizon=max_steps,
             binary_gripper=binary_gripper,
             look=look,
+            gripper=gripper,
         )
 
     @classmethod

@@ -30,6 +30,8 @@ from duobench.cli.shared.console import console
 from duobench.cli.shared.options import command_line, options_of
 from duobench.core.files import decode, encode, locked
 from duobench.data import DataSet
+from duobench.policy import PolicyMetadata
+from duobench.policy.baselines import HoldPolicy
 from duobench.results.folder import RunFolder
 from duobench.results.records import RECORD_SCHEMA, Record
 from duobench.tasks import catalog
@@ -93,6 +95,23 @@ def test_eval_leaves_what_it_says_and_exits_well(tmp_path: Path, evaluate: Told)
     assert summary["tasks"]["nod"]["episodes"] == 2
     names = [path.name for path in sorted((run / "records" / "wave").glob("*/*"))]
     assert names == ["00001.json", "00002.json"]
+
+
+class LearnedWithHands(HoldPolicy):
+    """Says with which gripper it learned."""
+
+    metadata = PolicyMetadata(name="learned", cameras=(), robot="franka_hand")
+
+
+def test_a_policy_plays_with_another_gripper_and_is_said_to(tmp_path: Path, evaluate: Told) -> None:
+    words = "The policy learned with franka_hand, and plays with the paper's gripper and mount."
+    run = tmp_path / "run"
+    learned = ("--policy", f"{__name__}:LearnedWithHands")
+    said = " ".join(evaluate(run, *learned).split())
+    assert said.count(words) == 2, "when it begins, and below the table"
+    assert words.replace("'", "&#39;") in (run / "index.html").read_text()
+    assert "learned with" not in evaluate(tmp_path / "own", *learned, "--gripper", "franka_hand")
+    assert "learned with" not in evaluate(tmp_path / "random")
 
 
 def test_report_builds_the_page_anew(tmp_path: Path, evaluate: Told, told: Told) -> None:
@@ -242,6 +261,17 @@ def test_render_draws_every_camera(tmp_path: Path, told: Told) -> None:
             assert image.size == (64, 48)
             low, high = image.convert("L").getextrema()
             assert high - low > 50
+
+
+def test_render_shows_the_gripper_that_is_asked_for(tmp_path: Path, told: Told) -> None:
+    words = (toy_tasks.WAVE_NAME, "--cameras", "left_wrist", "--size", "90", "160", "--out")
+    told("render", *words, tmp_path / "usual")
+    told("render", *words, tmp_path / "hand", "--gripper", "franka_hand")
+    usual, hand = (
+        np.array(Image.open(tmp_path / name / "wave-0-left_wrist.png")).astype(int)
+        for name in ("usual", "hand")
+    )
+    assert (np.abs(usual - hand).max(axis=-1) > 30).mean() > 0.1
 
 
 def test_render_shows_depth_and_parts_of_a_camera_of_ones_own(tmp_path: Path, told: Told) -> None:

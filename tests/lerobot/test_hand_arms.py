@@ -12,7 +12,7 @@ from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, DuoCommand
 from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.robot.frames import ROBOT
-from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
+from lerobot_env_duobench.hand_arms import HandArms
 from tests.teleop.operator import hand, message, said
 
 SHIFT = np.array([0.0, 0.05, 0.04])
@@ -45,13 +45,14 @@ class Lead:
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_tools_move_as_the_hands_do(lockstep: bool) -> None:
     leader = Lead(lockstep=lockstep)
-    assert leader.step(squeeze=1.0) is OPEN_HOME, "a hand that comes squeezed moves nothing"
+    begun = leader.arms.command
+    assert leader.step(squeeze=1.0) is begun, "a hand that comes squeezed moves nothing"
     assert "Open both hands" in leader.arms.note
     leader.step()
     assert "Lead a tool" in leader.arms.note
     command = leader.lead(SE3.at(*SHIFT), trigger=0.75)
     kinematics = Kinematics(ROBOT)
-    for side, home in kinematics.forward(OPEN_HOME.joints).items():
+    for side, home in kinematics.forward(ROBOT.home).items():
         moved = kinematics.forward(command.joints)[side].translation - home.translation
         np.testing.assert_allclose(moved, SHIFT, atol=2e-3)
         assert command.openings[side.index] == 0.25
@@ -120,4 +121,4 @@ def test_what_is_no_message_is_refused() -> None:
         arms.receive(said(b'{"kind": "restore"}'), 0.0)
     with pytest.raises(MessageError, match="refused"):
         arms.receive(said(b'{"kind": "hands"}'), 0.0)
-    assert arms.advance(0.0) is OPEN_HOME
+    np.testing.assert_array_equal(arms.advance(0.0).flat, ROBOT.home_command.flat)

@@ -11,6 +11,7 @@ from duobench.cli import main
 from duobench.core.lerobot_keys import FEATURE_NAMES
 from duobench.core.randomness import episode_seed
 from duobench.envs.action_labels import POSE_LABELS
+from duobench.envs.config import EnvConfig
 from duobench.envs.state_labels import StatePart, names_of
 from duobench.tasks import catalog
 from tests.lerobot import checkpoints
@@ -107,6 +108,14 @@ def test_lerobot_eval_plays_tool_poses_and_object_states(tmp_path: Path, batch: 
     several = ("--env.cameras=[]", f"--eval.batch_size={batch}")
     found = evaluate(folder, tmp_path / "out", *options, *several)
     check_same(found, played(folder, tmp_path / "run"))
+
+
+def test_environments_have_the_gripper_that_is_asked_for() -> None:
+    from lerobot_env_duobench import DuoBenchEnv
+
+    asked = {"gripper": "franka_hand", "mount": "wide"}
+    options = DuoBenchEnv(task="bin_sort", cameras=(), **asked).gym_kwargs
+    assert EnvConfig.from_options(options).other_robot == "franka_hand wide"
 
 
 def check_same(found: dict, run: Path) -> None:

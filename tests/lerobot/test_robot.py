@@ -13,7 +13,7 @@ from lerobot.utils.import_utils import register_third_party_plugins
 from duobench.core.errors import ActionError, BackendError, OptionError, UnknownNameError
 from duobench.core.types import Side
 from duobench.real.clock import VirtualClock
-from duobench.real.opening import open_rig
+from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.world.robot.mounts import HOME_JOINTS
 from lerobot_env_duobench import DuoBenchDuo, DuoBenchDuoConfig
 from lerobot_env_duobench.config import KEYS
@@ -37,6 +37,11 @@ def test_grippers_of_a_rehearsal_are_activated_without_a_question() -> None:
     robot.connect()
     assert not rig.hands.inactive
     robot.disconnect()
+
+
+def test_its_kind_names_the_gripper_of_the_rig() -> None:
+    rig = open_rig(rehearsal_rig("franka_hand"), VirtualClock())
+    assert DuoBenchDuo(CONFIG, rig).name == "franka_fr3_duo franka_hand"
 
 
 def test_lerobot_finds_it_by_its_name() -> None:

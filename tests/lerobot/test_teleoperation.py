@@ -32,14 +32,14 @@ from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins
 
 import duobench
-from duobench.core.errors import LeaderError, UnknownNameError
+from duobench.core.errors import LeaderError, OptionError, UnknownNameError
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.spatial import SE3
 from duobench.core.types import ARM_JOINTS, DuoCommand
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.teleop.teleoperation import TeleopState
-from lerobot_env_duobench.hand_arms import OPEN_HOME
+from duobench.world.robot.frames import ROBOT, robot_with
 from tests.docs.markdown import page_of, table
 from tests.teleop.operator import Operator, hand, message
 from tests.web.pages import Page, get, open_page, unpack_frame
@@ -47,6 +47,7 @@ from tests.web.pages import Page, get, open_page, unpack_frame
 PAGE = page_of("lerobot_teleoperation")
 OF_LEROBOT = ("id", "calibration_dir")
 TASK = "carry_pot"
+OPEN_HOME = ROBOT.home_command
 KEYS = [f"{name}.pos" for name in JOINT_NAMES]
 
 
@@ -158,6 +159,18 @@ def test_the_page_shows_arms_alone_where_they_are_led(page: Page, teleoperator: 
     assert poses.shape[0] > 2 * ARM_JOINTS
 
 
+def test_hands_of_a_driver_who_is_gone_let_go(teleoperator: Any) -> None:
+    with open_page(teleoperator.url) as page:
+        page.drive()
+        begin(page, teleoperator)
+        events = teleoperator.get_teleop_events()
+        assert events[TeleopEvents.IS_INTERVENTION]
+        page.connection.socket.shutdown(socket.SHUT_RDWR)
+    for _ in range(10):
+        teleoperator.get_action()
+    assert not teleoperator.get_teleop_events()[TeleopEvents.IS_INTERVENTION]
+
+
 def test_keep_and_discard_are_events_of_lerobots_steps(page: Page, teleoperator: Any) -> None:
     number = begin(page, teleoperator)
     steps = (
@@ -181,6 +194,28 @@ def test_keep_and_discard_are_events_of_lerobots_steps(page: Page, teleoperator:
         told[press] = [info[name] for name in names]
     assert told == {None: [False] * 3, "keep": [True, False, False], "discard": [False, True, True]}
     np.testing.assert_array_equal(list(teleoperator.get_action().values()), OPEN_HOME.flat)
+
+
+def test_hands_lead_another_gripper_as_the_robot_has_it(tmp_path: Path) -> None:
+    register_third_party_plugins()
+    both = {"calibration_dir": tmp_path, "gripper": "franka_hand", "mount": "wide"}
+    led = make_teleoperator_from_config(TeleoperatorConfig.get_choice_class("duobench")(**both))
+    led.connect()
+    home = robot_with("franka_hand", "wide").home_command.flat
+    np.testing.assert_array_equal(list(led.get_action().values()), home)
+    kind = RobotConfig.get_choice_class("duobench")
+    robot = make_robot_from_config(kind(**both, task=TASK, views=()))
+    assert robot.robot_type == robot.name == "franka_fr3_duo franka_hand wide"
+    robot.connect()
+    assert robot.env.simulation.robot == robot_with("franka_hand", "wide")
+    np.testing.assert_allclose(list(robot.get_observation().values()), home, atol=0.03)
+    robot.disconnect()
+    other = make_robot_from_config(kind(calibration_dir=tmp_path, task=TASK, views=()))
+    assert other.name == "franka_fr3_duo"
+    with pytest.raises(OptionError, match=r"a Franka Hand on mount wide.* give both the same"):
+        other.connect()
+    other.disconnect()
+    led.disconnect()
 
 
 def test_lerobot_brings_the_arms_to_where_a_robot_is(page: Page, teleoperator: Any) -> None:

@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosedOK
 from duobench.core.spatial import SE3
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.policy.training.training import LearningData
-from lerobot_env_duobench.hand_arms import OPEN_HOME
+from duobench.world.robot.frames import ROBOT
 from tests.lerobot.tools import SCRIPTS
 from tests.teleop.operator import hand, message
 from tests.web.pages import Page, open_page
@@ -117,7 +117,7 @@ def test_lerobot_record_records_what_can_be_trained_on(
     actions = np.array([dataset[row]["action"].numpy() for row in range(len(dataset))])
     states = np.array([dataset[row]["observation.state"].numpy() for row in range(len(dataset))])
     assert dataset.meta.robot_type == "franka_fr3_duo"
-    np.testing.assert_allclose(actions[0], OPEN_HOME.flat, atol=1e-6)
+    np.testing.assert_allclose(actions[0], ROBOT.home_command.flat, atol=1e-6)
     assert np.abs(actions[-1] - actions[0]).max() > 0.01
     assert np.abs(states[-1] - actions[-1]).max() < 0.05
     assert dataset[0]["observation.images.head"].shape == (3, 64, 64)

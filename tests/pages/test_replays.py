@@ -12,12 +12,17 @@ from duobench.tasks import get
 from duobench.web.geometry import Geometry
 from duobench.web.page import EpisodeReplay, replay_page
 from duobench.web.track import encode
+from duobench.world.robot import cameras
+from duobench.world.robot.frames import robot_with
 from duobench.world.sim import placement
 from duobench.world.sim.rendering import Renderer
 from duobench.world.sim.simulation import Simulation
 from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, until
 
 TASKS = ("bin_sort", "pour_marbles", "spring_door")
+HAND = "franka_hand"
+"""An episode of the first task with another gripper, whose fingers are seen from near."""
+NEAR = cameras.View(eye=(0.85, 0.45, 0.7), target=(0.48, 0.21, 0.64), fovy_deg=30.0)
 STEPS = 40
 RENDERED = (480, 720)
 CHANGES = ((10, 1), (30, 2))
@@ -33,10 +38,12 @@ def replays(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page with an episode of each task, and beside it images of how each begins and ends."""
     page = tmp_path_factory.mktemp("replays") / "page.html"
     scenes, episodes = {}, []
-    for id in TASKS:
-        task = get(id)
+    for id in (*TASKS, HAND):
+        task = get(TASKS[0] if id == HAND else id)
         simulation = Simulation(task.props, task.overview)
-        placement.first_valid(simulation, task.layouts(0), id)
+        if id == HAND:
+            simulation = Simulation(task.props, NEAR, robot_with(HAND))
+        placement.first_valid(simulation, task.layouts(0), task.id)
         geometry = Geometry(simulation.model)
         with Renderer(simulation.model, height=RENDERED[0], width=RENDERED[1]) as renderer:
             image = renderer.render(simulation.data, "overview")
@@ -90,7 +97,7 @@ def test_phone_shows_no_more_than_its_width(window: Browser, replays: Path) -> N
         assert page.evaluate("document.documentElement.scrollWidth") == PHONE.width
 
 
-@pytest.mark.parametrize("id", TASKS)
+@pytest.mark.parametrize("id", [*TASKS, HAND])
 def test_it_looks_like_the_renderer(page: Page, replays: Path, id: str) -> None:
     height, width = RENDERED
     show(page, id)

@@ -65,6 +65,28 @@ def test_targets_that_stream_start_a_motion_only_so_often(bench: Bench) -> None:
     assert bench.hand.read().opening == pytest.approx(0.0, abs=0.03)
 
 
+def test_a_newer_target_stops_what_runs(bench: Bench) -> None:
+    bench.lead(0.0)
+    bench.wait(0.3)
+    before = bench.hand.read().opening
+    bench.lead(1.0)
+    bench.wait(0.3)
+    assert 0.5 < before < bench.hand.read().opening
+
+
+def test_a_homing_that_is_held_ends_unfinished() -> None:
+    bench = Bench(is_active=False)
+    bench.clock.every(0.5, bench.hand.hold, "person")
+    with pytest.raises(BackendError, match="was not homed: it was stopped"):
+        bench.hand.activate()
+    assert bench.clock.now() < 1.0, "at once"
+    bench.wait(0.5)
+    stopped = bench.hand.read().opening
+    bench.wait(0.5)
+    assert 0.0 < stopped == bench.hand.read().opening < 1.0
+    bench.hand.close()
+
+
 def test_closing_grasps_and_holds_and_opening_moves(bench: Bench) -> None:
     bench.thing = 0.032
     bench.lead(0.0)
@@ -97,6 +119,20 @@ def test_a_hold_stops_the_fingers_and_keeps_a_grip(bench: Bench) -> None:
     bench.hand.hold()
     bench.wait(0.5)
     assert bench.hand.read().has_object
+
+
+def test_a_hand_that_lost_its_power_has_to_be_homed_again(bench: Bench) -> None:
+    bench.wait(0.1)
+    assert bench.hand.read().fault is None
+    bench.server._is_homed = False
+    bench.wait(0.1)
+    fault = bench.hand.read().fault
+    assert fault is not None
+    assert "lost its power" in fault.text
+    bench.hand.recover()
+    assert bench.hand.read().fault is None
+    bench.hand.activate()
+    assert bench.hand.read().is_active
 
 
 def test_it_moves_nowhere_before_a_person_had_it_homed() -> None:

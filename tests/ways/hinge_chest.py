@@ -53,6 +53,7 @@ from tests.ways.way import (
     SLOW,
     TURNS,
     Way,
+    WayFailedError,
     cheats,
     random_slip,
     random_tempo,
@@ -75,6 +76,11 @@ _ABOVE = 0.15
 _PINCH, _AROUND_THE_LID = (0.012, -0.075), 0.5
 """Where fingers pinch the open lid from above: from its end, and along it, in metres; and how far
 they are open before."""
+AWAY = 0.015
+"""From which distance on a hand does not hold the lid that lies on the other one, in metres."""
+SHUTTING, PRESSED_STEPS = 2.0, 15
+"""Moment about the hinge in N·m that turns the lid shut, and control steps for which it is so, half
+a second, from which on a hand holds nothing [task definitions]."""
 _PINCHED = 1.37
 """To which angle a hand that has pinched the lid raises it, in radians: off the other hand."""
 
@@ -236,7 +242,8 @@ def in_and_out_again(arms: Arms) -> Script:
 
 
 def _bounces_off(sim: Simulation) -> bool:
-    return sim.contacts.between("cube", "chest") and not sim.contacts.gripper(INSERTER, "cube")
+    struck = sim.contacts.between("cube", "chest") and not CHEST.is_inside(sim)
+    return struck and not sim.contacts.gripper(INSERTER, "cube")
 
 
 def sink(arms: Arms, way: Insertion, start: float, end: float) -> Script:
@@ -278,13 +285,33 @@ def turn_pinched(arms: Arms, turn: float) -> Script:
     yield from wait(20)
 
 
-def wait_below(sunk: float) -> Act:
+def wait_below(sunk: float, least: float = 0.0) -> Act:
     """The holder sinks by so many radians, the lid onto the other hand, and waits until the cube is
-    in before it takes the lid again.
+    in before it takes the lid again. It fails where it is less than `least` metres from the lid.
     """
     high, low = PLAIN.open_angle, PLAIN.open_angle - sunk
     down, up = (sink, PLAIN, high, low), (sink, PLAIN, low, high)
-    return do(BOTH, OVER, down, (pause, 30), CHEST.insert, (pause, 10), up, (up_and_aside, 0.14))
+    begin = do(BOTH, OVER, down, (pause, 30), (_keep_away, least))
+    return do(begin, CHEST.insert, (pause, 10), up, (up_and_aside, 0.14))
+
+
+def _keep_away(arms: Arms, least: float) -> Script:
+    if _lid_is_near(arms) < least:
+        raise WayFailedError
+    yield from ()
+
+
+def insert_under_pressure(arms: Arms, turn: float) -> Script:
+    """The cube goes in while the holder turns the lid that it pinches by so many radians, and the
+    other hand keeps it open.
+    """
+    steps, sim = 0, arms.sim
+    for _ in do((turn_pinched, turn), CHEST.insert)(arms):
+        yield
+        moment = sim.contacts.moment(HOLDER, LID, sim.hinge_axis(LID))
+        steps += sim.contacts.arm(INSERTER, LID) and moment < -SHUTTING
+    if steps < PRESSED_STEPS:
+        raise WayFailedError
 
 
 PLAIN = Insertion()
@@ -324,7 +351,7 @@ ADVERSARIES: dict[str, Way] = {
     },
     **{
         f"the hand that holds the lid waits below it, sunk by {sunk} rad": cheat(
-            2, wait_below(float(sunk)), **HELD
+            2, wait_below(float(sunk), AWAY), **HELD
         )
         for sunk in ("0.3", "0.4", "0.5")
     },
@@ -332,8 +359,7 @@ ADVERSARIES: dict[str, Way] = {
         f"the hand that pinches the lid presses it shut by {a} rad while the cube goes in": cheat(
             2,
             *PINCHED,
-            (turn_pinched, -float(a)),
-            CHEST.insert,
+            (insert_under_pressure, -float(a)),
             (up_and_aside, 0.14),
             lacks="right has turned chest/lid shut",
         )

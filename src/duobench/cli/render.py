@@ -14,12 +14,13 @@ from duobench.core.files import make_folder, taken_back, writing
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, Camera
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 SAMPLES = 16
 """Images averaged into the one for people; what policies see has one."""
 
 
-def run(
+def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     task: tyro.conf.Positional[str],
     seed: int = 0,
     cameras: tuple[str | Camera, ...] = (*POLICY_CAMERAS, OVERVIEW),
@@ -27,6 +28,7 @@ def run(
     depth: bool = False,
     segmentation: bool = False,
     look: str = "default",
+    gripper: str = DEFAULT_GRIPPER,
     out: Path = Path("renders"),
 ) -> None:
     """Render a reset of a task from every camera, as PNG files.
@@ -39,6 +41,7 @@ def run(
         depth: Show depth too, in colours, with a legend.
         segmentation: Show too which part of the scene each pixel shows, with a legend.
         look: Look of the images: wood_table, dark, random:7, ... (see the page looks).
+        gripper: Gripper on both arms, such as franka_hand, or module:ATTRIBUTE.
         out: Folder of the images.
     """
     load_engine()
@@ -56,7 +59,7 @@ def run(
 
     (info,) = find_tasks([task])
     height, width = size
-    base = reset_env(catalog.get(info.reference), seed, look)
+    base = reset_env(catalog.get(info.reference), seed, look, gripper)
     simulation = base.simulation
     images = {}
     known = (*POLICY_CAMERAS, OVERVIEW)

@@ -30,6 +30,10 @@ STEP = "checkpoints/last/training_state/training_step.json"
 """Number of training steps."""
 SUITE = "suite_version"
 """Key of the suite's version, in what `duobench` writes beside a data set and a checkpoint."""
+ROBOT = "robot"
+"""Key there of the gripper and mount of the arms, where they are not the paper's."""
+ROBOT_TYPE = "franka_fr3_duo"
+"""Kind of the arms in LeRobot; the gripper and mount that are not the paper's follow."""
 FEATURE_NAMES = "duobench_names.json"
 """File beside a checkpoint that says what the numbers of its features are: names by feature.
 LeRobot keeps only how many there are."""
@@ -62,6 +66,14 @@ def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
     return [
         name.removesuffix(POSITION) if isinstance(name, str) else name for name in names
     ]
+
+
+def robot_of(info: Mapping[str, Any]) -> str | None:
+    """Gripper and mount that are not the paper's, as a `meta/info.json` says; None if unknown."""
+    kind = str(info.get("robot_type"))
+    return (
+        kind.removeprefix(ROBOT_TYPE).strip() if kind.startswith(ROBOT_TYPE) else None
+    )
 
 
 def check_card(name: str, licence: str) -> None:

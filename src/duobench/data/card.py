@@ -13,6 +13,7 @@ from duobench.core.lerobot_keys import (
     FORMAT,
     IMAGE_PREFIX,
     OBJECT_STATE,
+    ROBOT,
     STATE,
     SUITE,
     check_card,
@@ -131,6 +132,9 @@ def _of_exports(folder: Path) -> dict[str, Any]:
             for place in places
         ],
         "features": features,
+        "robots": " and ".join(
+            dict.fromkeys(one[ROBOT] for one in beside if one.get(ROBOT))
+        ),
         "depths": [key for key in features if key.endswith(DEPTH_SUFFIX)],
         "version": " and ".join(
             dict.fromkeys(one["codebase_version"] for one in about)

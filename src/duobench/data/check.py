@@ -39,11 +39,10 @@ from duobench.data.schema import (
 )
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.data.videos import describe
-from duobench.envs.config import LAYOUT, SPLIT
+from duobench.envs.config import LAYOUT, SPLIT, EnvConfig
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
-from duobench.tasks.shifts.shift import NO_SHIFT
 from duobench.world.robot.cameras import POLICY_CAMERAS
 
 _GAPPY = ("frame_age", "left_robot_state", "right_robot_state")
@@ -207,8 +206,14 @@ def _beginning(
     recording: Recording, task: str, environment: Callable[..., gym.Env]
 ) -> list[str]:
     info = recording.info
-    shift = NO_SHIFT if info.config is None else info.config.shift
-    env = environment(task, action_mode=info.mode.name, shift=shift)
+    config = info.config or EnvConfig()
+    env = environment(
+        task,
+        action_mode=info.mode.name,
+        shift=config.shift,
+        gripper=config.gripper,
+        mount=config.mount,
+    )
     options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
     _, seen = env.reset(seed=info.seed, options=options)
     if seen["layout"] != info.layout:

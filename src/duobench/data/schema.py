@@ -299,6 +299,11 @@ class EpisodeInfo:
         return (self.config or EnvConfig()).robot
 
     @property
+    def other_robot(self) -> str:
+        """Gripper and mount that are not the paper's, in a word; empty where both are."""
+        return (self.config or EnvConfig()).other_robot
+
+    @property
     def is_real(self) -> bool:
         """Whether it was played on real arms, whose state is not known as a whole."""
         return self.domain is Domain.REAL

@@ -36,6 +36,7 @@ from duobench.envs.action_modes import JOINT
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
+from duobench.world.robot.frames import USUAL_ROBOT
 from duobench.world.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 
 LONG = 0.99
@@ -104,6 +105,8 @@ class TaskSummary:
     """Episodes that were played on a rig, and not in the simulation."""
     rigs: tuple[str, ...] = ()
     """Names of the rigs; that of a rehearsal has "no hardware" behind its name."""
+    robots: tuple[str, ...] = ()
+    """Grippers and mounts, in a word; empty for those of the paper."""
     left_out: int = 0
     """Frames that are missing in videos, because the encoder was too far behind."""
     unused: dict[Reason, int] = field(default_factory=dict)
@@ -202,11 +205,14 @@ class Summary:
 
     @property
     def domains(self) -> str:
-        """Domains in which the episodes were played, in words."""
+        """Domains in which the episodes were played, and with which arms, in words."""
         real = sum(task.real for task in self.tasks)
         rigs = dict.fromkeys(rig for task in self.tasks for rig in task.rigs)
         parts = [f"{self.episodes - real} simulated"] if real < self.episodes else []
         parts += [f"{real} real ({'; '.join(rigs)})"] if real else []
+        robots = dict.fromkeys(robot for task in self.tasks for robot in task.robots)
+        if any(robots):
+            parts += [f"with {' and '.join(one or USUAL_ROBOT for one in robots)}"]
         return ", ".join(parts)
 
     @property
@@ -315,6 +321,7 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
         led=_led(recordings),
         real=len(infos) - len(simulated),
         rigs=tuple(dict.fromkeys(map(_rig, (info for info in infos if info.is_real)))),
+        robots=tuple(dict.fromkeys(info.other_robot for info in infos)),
         left_out=sum(
             video.left_out for info in infos for video in info.videos.values()
         ),

@@ -387,12 +387,15 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         for limits in self._limits:
             within = limits.clip(within, self._sent, measured, velocities)
         gripper = self._base.backend.robot.gripper
-        waits = np.flatnonzero(~gripper.takes_target(self._steps))[:, None]
-        within[waits, OPENINGS] = self._sent[waits, OPENINGS]
         self._sent[where] = within[where]
+        told = within
+        waits = np.flatnonzero(~gripper.takes_target(self._steps))[:, None]
+        if len(waits):
+            told = within.copy()
+            told[waits, OPENINGS] = simulations.commands()[waits, OPENINGS]
         worlds = np.flatnonzero(where)
         if len(worlds):
-            simulations.advance(worlds, within[worlds])
+            simulations.advance(worlds, told[worlds])
         self.judge.update(where)
         self._steps += where
         return (np.abs(within - targets) > ROUNDING) & where[:, None]

@@ -41,7 +41,7 @@ from duobench.world.robot.cameras import (
     POLICY_CAMERAS,
     Camera,
 )
-from duobench.world.robot.frames import Robot, robot_with
+from duobench.world.robot.frames import Robot, other_robot, robot_with
 from duobench.world.robot.gripper import DEFAULT_GRIPPER
 from duobench.world.robot.joints import check_speed_fraction
 from duobench.world.robot.mounts import DEFAULT_MOUNT
@@ -164,8 +164,7 @@ class EnvConfig:
     @property
     def other_robot(self) -> str:
         """Gripper and mount that are not the paper's, in a word; empty where both are."""
-        usual = {self.gripper: DEFAULT_GRIPPER, self.mount: DEFAULT_MOUNT}
-        return " ".join(given for given, default in usual.items() if given != default)
+        return other_robot(self.gripper, self.mount)
 
     @property
     def camera_names(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
+from duobench.core import lerobot_keys
 from duobench.core.errors import PolicyError, check_known
 from duobench.core.files import digest_of, read_object
 from duobench.core.lerobot_keys import (
@@ -17,6 +18,7 @@ from duobench.core.lerobot_keys import (
     IMAGE_PREFIX,
     LAST,
     OBJECT_STATE,
+    ROBOT,
     STATE,
     SUITE,
     feature_names,
@@ -311,10 +313,17 @@ def _named_labels(folder: Path, size: int) -> ActionLabels:
 
 def _names(folder: Path, feature: str) -> list[Any] | None:
     beside = read(folder / FEATURE_NAMES)
-    if beside:
-        return beside.get(feature)
+    return beside.get(feature) if beside else feature_names(_data(folder), feature)
+
+
+def robot_of(folder: Path) -> str | None:
+    """Gripper and mount that a checkpoint learned with, as `PolicyMetadata` has them."""
+    beside = read(folder / FEATURE_NAMES)
+    return beside.get(ROBOT) if beside else lerobot_keys.robot_of(_data(folder))
+
+
+def _data(folder: Path) -> Mapping[str, Any]:
+    """Return what is known of the data set of a checkpoint, if it is still in its place."""
     dataset = read(folder / _TRAINING).get("dataset")
     root = dataset.get("root") if isinstance(dataset, Mapping) else None
-    if not isinstance(root, str):
-        return None
-    return feature_names(read(Path(root) / "meta/info.json"), feature)
+    return read(Path(root) / "meta/info.json") if isinstance(root, str) else {}

@@ -44,6 +44,7 @@ from duobench.policy.lerobot_checkpoint import (
     inputs,
     labels_of,
     object_numbers,
+    robot_of,
     state_parts,
 )
 from duobench.policy.policy import PolicyMetadata
@@ -127,6 +128,7 @@ class LeRobotPolicy:
             image_size=None if several else next(iter(sizes.values()), None),
             image_sizes=sizes if several else {},
             action_mode=mode,
+            robot=robot_of(folder),
             version=_version(
                 folder, self._steps, mode, self._model, device, config.use_amp
             )

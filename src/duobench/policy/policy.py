@@ -31,6 +31,7 @@ from duobench.core.types import (
 )
 from duobench.envs.camera_options import CAMERA_OPTIONS, camera_options, name_of
 from duobench.world.robot.cameras import POLICY_CAMERAS, Camera
+from duobench.world.robot.frames import USUAL_ROBOT
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -69,6 +70,9 @@ class PolicyMetadata:
     """Height and width by camera, of those with another size than `image_size`."""
     action_mode: str = "joint"
     """The environment's action mode that the actions are meant for."""
+    robot: str | None = None
+    """Gripper and mount that it learned with, such as "franka_hand" or "franka_hand wide"; "" for
+    those of the paper, None if that is not known. With others it plays too, and is said to."""
     version: str | None = None
     """Version that changes when the policy does, such as the hash of its checkpoint; a run goes on
     only with the version it began with. An evaluation takes the hash of the module's source for
@@ -96,7 +100,7 @@ class PolicyMetadata:
                 raise PolicyError(
                     f"The {name} of a policy cannot be {getattr(self, name)!r}: {error}."
                 ) from error
-        for name in ("name", "action_mode", "version", "dtype", "device"):
+        for name in ("name", "action_mode", "robot", "version", "dtype", "device"):
             kinds = str if name in {"name", "action_mode"} else str | None
             value = getattr(self, name)
             if not isinstance(value, kinds) or (value and value != escaped(value)):
@@ -275,6 +279,17 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
             f"that fits: duobench.make(task, cameras={metadata.cameras}{wanted}, "
             f"action_mode={metadata.action_mode!r})."
         )
+
+
+def robot_note(metadata: PolicyMetadata, config: EnvConfig) -> str:
+    """A sentence on a policy that learned with another gripper or mount; empty for any other."""
+    learned, plays = metadata.robot, config.other_robot
+    if learned in (None, plays):
+        return ""
+    return (
+        f"The policy learned with {learned or USUAL_ROBOT}, and plays with "
+        f"{plays or USUAL_ROBOT}."
+    )
 
 
 def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:

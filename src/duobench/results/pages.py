@@ -150,7 +150,7 @@ def identity(part: RunPart) -> Facts:
         "Tasks": ", ".join(task.id for task in suite.tasks),
         "Episodes": f"{indices}, {suite.episodes} of each task",
         "Look": "" if run.is_real else suite.look,
-        "Gripper and mount": "" if run.is_real else part.condition.robot,
+        "Gripper and mount": part.condition.robot,
         "Shift": "" if run.is_real else str(part.condition.shift),
         "Cameras": _cameras_text(config),
         "Beyond the robot's images": extra_sensing(config),

@@ -203,7 +203,7 @@ class Record:
     suite: str
     """Name and version of the suite; "custom" without a name."""
     execution: ChunkExecution
-    """Actions `execute`d of a chunk at most, None for all, and `latency` in control steps, a
+    """Actions of a chunk to `execute` at most, None for all, and `latency` in control steps, a
     shift's included."""
     task: str
     """Id of the task."""

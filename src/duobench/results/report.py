@@ -113,7 +113,7 @@ def summary_json(part: RunPart) -> str:
         **part.facts("domain", "rig", "trained_on"),
         **part.facts("suite_version", "suite"),
         "suite_deviations": deviations(part.suite, part.candidate.config),
-        **part.facts("execute", "latency", "look", "shift", "versions"),
+        **part.facts("execute", "latency", "look", "robot", "shift", "versions"),
         **part.facts("first_episode", "expected_episodes"),
         "tasks": {
             one.task.id: {

@@ -22,6 +22,7 @@ from duobench.core.files import checksum, differences
 from duobench.core.randomness import SUITE_VERSION
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.policy import Batching, PolicyMetadata
+from duobench.policy.policy import robot_note
 from duobench.policy.registry import reads_simulation
 from duobench.policy.serving.address import MAX_S, SERVED
 from duobench.results.records import (
@@ -156,7 +157,7 @@ class Resuming:
     their task fails; without this they stay unplayed, which is an error."""
 
 
-RUN_SCHEMA = 11
+RUN_SCHEMA = 12
 _SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
 """Data that a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
@@ -205,6 +206,11 @@ class Candidate:
         metadata = self.metadata
         sees_parts = metadata.object_state or bool(metadata.segmentation)
         return sees_parts or reads_simulation(self.policy)
+
+    @property
+    def robot_note(self) -> str:
+        """A sentence if it learned with another gripper or mount than it plays with."""
+        return robot_note(self.metadata, self.config)
 
     @property
     def name(self) -> str:

@@ -258,6 +258,7 @@ class RunPart:
             "execute": suite.execution.execute,
             "latency": suite.execution.latency,
             "look": self.condition.look,
+            "robot": self.condition.robot,
             "shift": self.condition.shift.name,
             "versions": self.run.versions,
             "first_episode": suite.first_episode,

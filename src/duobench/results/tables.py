@@ -370,6 +370,7 @@ _FACTS = (
     "trained_on",
     "suite_version",
     "look",
+    "robot",
     "shift",
     "first_episode",
     "expected_episodes",

@@ -145,7 +145,7 @@ TASK = Task(
             name="one marble is poured",
             instruction="Pour marbles from the {full} cup into the {empty} cup, both in the air.",
             holds=_into_target(lambda p: p.some),
-            stays=_into_target(lambda p: p.some) | _KEPT,
+            stays=_KEPT | _into_target(lambda p: p.some),
         ),
         Stage(
             name="all marbles are poured",

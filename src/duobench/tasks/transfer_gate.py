@@ -68,7 +68,7 @@ _WAY = passage(
     length=LONG_BLOCK,
     held=_HELD,
 )
-_BLOCK = handover(BLOCK, MAT, way=_WAY)
+_BLOCK = handover(BLOCK, MAT, way=_WAY, top=MAT_THICKNESS)
 _OVER_MAT = inside(BLOCK, OVER_MAT)
 _AT_MAT = _OVER_MAT & low_over(BLOCK, MAT, MAT_THICKNESS / 2)
 _STAYS = _BLOCK.stays(_AT_MAT)

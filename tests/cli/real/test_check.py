@@ -64,6 +64,19 @@ def test_the_rig_without_a_file_is_described(told: Told) -> None:
     assert "tool at most 2 m/s" in said
 
 
+def test_nothing_is_measured_where_a_hand_knows_its_ends(tmp_path: Path, told: Told) -> None:
+    document = changed("gripper", "franka_hand")
+    for side, address in (("left", "172.16.0.2"), ("right", "172.16.1.2")):
+        document["grippers"][side] = {"driver": "franka_hand", "port": address}
+    path = lab(tmp_path, document)
+    before = path.read_bytes()
+    said = " ".join(told("real", "rig", "check", path).split())
+    assert "Left gripper: franka_hand at 172.16.0.2, 16 N, 33 mm/s Right" in said
+    said = told("real", "calibrate", "gripper", "left", "--rig", path)
+    assert "a Franka Hand says its gap in metres" in said
+    assert path.read_bytes() == before
+
+
 def test_what_a_rig_leaves_out_is_said(tmp_path: Path, told: Told) -> None:
     document = changed("workspace", None)
     del document["cameras"], document["obstacles"]

@@ -72,6 +72,7 @@ class Sums(Network):
     metadata = PolicyMetadata(
         name="sums",
         version="1",
+        robot="franka_hand wide",
         cameras=("head", {"name": "side", "position": (0, 1, 1), "look_at": (0, 0, 0)}),  # type: ignore[arg-type]
         depth=True,  # type: ignore[arg-type]
         segmentation=True,  # type: ignore[arg-type]

@@ -11,6 +11,8 @@ from duobench.evaluation import ExpertPolicy
 from duobench.tasks import catalog
 from duobench.tasks.experts.expert import find_script
 from duobench.tasks.experts.scripts import bin_sort
+from duobench.world.robot.frames import robot_with
+from tests.task_harness import TaskHarness
 
 MODULE = """
 from dataclasses import replace
@@ -43,3 +45,10 @@ def test_a_task_of_ones_own_names_its_expert(
 
 def test_a_changed_task_keeps_its_expert() -> None:
     assert find_script(replace(catalog.get("bin_sort"), horizon=5)) is bin_sort.script
+
+
+@pytest.mark.parametrize("name", ["join_blocks", "transfer_reorient"])
+def test_a_shorter_and_weaker_hand_does_it_too(name: str) -> None:
+    task = catalog.get(name)
+    bench = TaskHarness(task, robot_with("franka_hand"))
+    assert bench.run_for(find_script(task), task.horizon) == task.max_stage

@@ -19,7 +19,7 @@ from duobench.tasks.experts.scripts.transfer_cube import (
 from duobench.tasks.stages.handover import handover
 from duobench.tasks.stages.logic import Predicate, since
 from duobench.tasks.stages.passage import Passage
-from duobench.tasks.stages.predicates import touching
+from duobench.tasks.stages.predicates import raised, touching
 from duobench.tasks.transfer_cube import TASK
 from duobench.world.objects.blocks import CUBE_EDGE
 from duobench.world.sim.layout import Layout
@@ -33,13 +33,14 @@ LAYOUT = Layout(
         "bowl": SE3.at(0.55, 0.15),
     }
 )
+RAISED = 0.012
 LOW_IN_BOWL = np.array([0.55, 0.15, 0.033])
 
 
 @pytest.fixture(scope="module")
 def moments() -> Moments:
     """States by letter: on the (t)able, held by (r)ight, (b)oth, (l)eft alone, by left against the
-    bowl (i), in the bowl and (f)ree, in the air and held by (n)obody.
+    bowl (i), (c)lear of it, in the bowl and (f)ree, in the air and held by (n)obody.
     """
     moments = Moments(TaskHarness(TASK), LAYOUT)
     keep = moments.keep
@@ -59,6 +60,8 @@ def moments() -> Moments:
 
     moments.start()
     moments.bench.act(whole_way)
+    held = moments.at("i").pose("cube")
+    moments.edit("c", "i", lambda sim: sim.place("cube", held.moved(z=RAISED)))
     moments.edit("n", "f", lambda sim: sim.place("cube", SE3.at(0.9, 0.0, 0.3)))
     return moments
 
@@ -71,7 +74,7 @@ def receivers(
 
 
 def test_the_moments_are_what_they_are_called(moments: Moments) -> None:
-    hands = {"r": {RIGHT}, "b": {LEFT, RIGHT}, "l": {LEFT}, "i": {LEFT}}
+    hands = {"r": {RIGHT}, "b": {LEFT, RIGHT}, "l": {LEFT}, "i": {LEFT}, "c": {LEFT}}
     supports = {"t": {"table"}, "i": {"bowl"}, "f": {"bowl"}}
     for letter in moments.states:
         contacts = moments.at(letter).contacts
@@ -177,6 +180,7 @@ def test_who_received_on_the_way(
 
 IN_BOWL = touching("cube", "bowl")
 ANYWHERE = IN_BOWL | ~IN_BOWL
+LOW = ~raised("cube", 0.08)
 
 
 @pytest.mark.parametrize(
@@ -211,3 +215,10 @@ ANYWHERE = IN_BOWL | ~IN_BOWL
 )
 def test_what_was_put_there(moments: Moments, place: Predicate, letters: str, put: bool) -> None:
     assert moments.answer(letters, handover("cube", "bowl").put(place)) == put
+
+
+def test_what_lies_on_something_flat_is_raised_above_that(moments: Moments) -> None:
+    put = handover("cube", "bowl", top=0.010).put(LOW)
+    assert moments.answer("trblcf", put)
+    assert not moments.answer("trblnnncf", put), "dropped, and parted from it for a step"
+    assert moments.answer("trblnnnlcf", put), "dropped, and brought again"

@@ -12,7 +12,15 @@ import pytest
 from duobench.core.errors import TaskError
 from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, SIDES
-from duobench.tasks.stages.logic import AllOf, Predicate, StateView, held_for, since
+from duobench.tasks.stages.logic import (
+    AllOf,
+    Predicate,
+    StateView,
+    all_of,
+    any_of,
+    held_for,
+    since,
+)
 from duobench.tasks.stages.predicates import (
     at_least,
     grasped,
@@ -165,7 +173,7 @@ def test_what_flickers_is_judged_as_it_was_the_last_time(bench: Bench) -> None:
 
     whole = AllOf("a and b", either, (a, b), looks=False)
     clocks = held_for(a, 0.1), held_for(b, 0.2, reset=a & b)
-    progress = bench.begin(whole & clocks[0] & clocks[1])
+    progress = bench.begin(whole, clocks[0] & clocks[1])
     bench.play(progress, "a", "", "a", "", "", "a", "a", "")
     assert len(asked) == 2
     assert progress.get_state().lasted == (0, 0)
@@ -205,6 +213,24 @@ def test_contacts_are_compared_before_anything_is_asked(sim: Simulation) -> None
         assert progress.get_state() == other.get_state()
     assert answers[1] == answers[3] == answers[4] == 0
     assert answers[0] > 0
+
+
+def test_poses_are_looked_at_after_memories_and_contacts(sim: Simulation) -> None:
+    high, lies = raised("cube", 0.1), touching("cube", TABLE)
+    sim.reset_data()
+    sim.place("cube", SE3.at(0.5, 0.0, 0.016))
+    sim.forward()
+    for whole, holds in (
+        (all_of(high, ~lies, ~since(high)), False),
+        (any_of(high, lies, since(high)), True),
+    ):
+        assert whole.parts[0] is high, "words, memories and rewards keep to the task's order"
+        state = StateView(
+            simulation=sim, start_heights={"cube": 0.0}, variants={}, remembered=frozenset()
+        )
+        assert whole.ask(state) is holds
+        assert list(state.answers) == [lies]
+        assert since(high) in state.conclusions
 
 
 def test_two_episodes_at_once_do_not_share_memory(bench: Bench) -> None:

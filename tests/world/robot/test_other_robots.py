@@ -1,5 +1,6 @@
 """Other grippers and mounts, through their descriptions alone; one of them is a test's own."""
 
+import json
 from contextlib import closing
 from pathlib import Path
 
@@ -7,14 +8,24 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.core.errors import UnknownNameError
+from duobench.core.errors import DataError, UnknownNameError
 from duobench.core.types import SIDES, DuoCommand, Side
-from duobench.data import ImageSource
+from duobench.data import (
+    ExportOptions,
+    ImageSource,
+    export_lerobot,
+    find_problems,
+    summarize,
+)
+from duobench.data.card import write_data_card
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.options import ActionSource
 from duobench.envs.config import EnvConfig
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.replay import replay
+from duobench.policy import lerobot_checkpoint
+from duobench.policy.training.training import plan_all
+from duobench.real.catalog import load_driver
 from duobench.real.clock import VirtualClock
 from duobench.real.guard import Guard
 from duobench.real.opening import open_rig, rehearsal_rig
@@ -26,7 +37,7 @@ from duobench.world.robot.cameras import describe_cameras
 from duobench.world.robot.frames import ROBOT, Robot, robot_with
 from duobench.world.robot.joints import JOINT_RANGES
 from duobench.world.sim.simulation import Simulation
-from tests.data.tools import only, recorder
+from tests.data.tools import data_of, only, recorder
 
 PINCERS = "tests.world.robot.third_gripper:PINCERS"
 ROBOTS = [robot_with("franka_hand"), robot_with(PINCERS), robot_with("robotiq_2f85", "wide")]
@@ -90,6 +101,9 @@ def test_the_guard_knows_the_robot(robot: Robot) -> None:
 def test_a_rehearsal_closes_on_nothing_and_opens(gripper: str) -> None:
     clock = VirtualClock()
     with closing(open_rig(rehearsal_rig(gripper), clock)) as duo:
+        assert duo.world is not None
+        driver = load_driver("grippers", duo.robot.gripper.driver)
+        assert all(isinstance(each, driver.imitation) for each in duo.world.grippers.values())
         duo.start()
         duo.supervisor.confirm()
         duo.hands.activate()
@@ -111,11 +125,15 @@ def test_targets_of_a_hand_that_stops_first_are_taken_on_a_grid() -> None:
         action = home.copy()
         action[[7, 15]] = step % 5 / 5
         seen, _, _, _, info = env.step(action)
-        many, *_ = threads.step(np.array([action, action]))
+        many, *_, told = threads.step(np.array([action, action]))
         np.testing.assert_array_equal(many["agent_pos"][0], seen["agent_pos"])
         if step % 6 == 0:
             taken = action[7]
-        assert info["sent"][[7, 15]] == pytest.approx([taken] * 2)
+        assert sim_of(env).backend.last_command.openings == pytest.approx([taken] * 2)
+        assert info["sent"] == pytest.approx(action), "as on real arms: the hand itself waits"
+        assert not info["clipped"].any(), "a target that waits is beyond no limit"
+        assert not told["clipped"].any()
+        np.testing.assert_array_equal(told["sent"][0], info["sent"])
     threads.close()
 
 
@@ -159,3 +177,38 @@ def test_recordings_and_results_know_the_gripper(tmp_path: Path) -> None:
     assert other.name == "expert.sim.none.default.franka_hand"
     suite = SuiteChoice(suite="paper", gripper="franka_hand").make()
     assert "gripper franka_hand" in deviations(suite)
+
+
+def test_what_is_made_of_recordings_knows_the_gripper(tmp_path: Path) -> None:
+    data = data_of(tmp_path / "hand", 1, gripper="franka_hand", mount="wide")
+    assert find_problems(data) == []
+    assert summarize(data).domains == "1 simulated, with franka_hand wide"
+    assert "with franka_hand wide" in write_data_card(data.path, "me/hand", "mit").read_text()
+    out = tmp_path / "export"
+    options = ExportOptions(cameras=(), object_state=True)
+    export_lerobot(data, out, options)
+    info = json.loads((out / "meta/info.json").read_text())
+    assert info["robot_type"] == "franka_fr3_duo franka_hand wide"
+    assert "v3.0, with franka_hand wide" in write_data_card(out, "me/hand", "mit").read_text()
+    (training,) = plan_all("act", out, tmp_path / "act")
+    training.checkpoint.mkdir(parents=True)
+    training.name_features()
+    assert lerobot_checkpoint.robot_of(training.checkpoint) == "franka_hand wide"
+    usual = data_of(tmp_path / "usual", 1)
+    assert summarize(usual).domains == "1 simulated"
+    with pytest.raises(DataError, match="franka_hand wide, the paper's gripper and mount"):
+        export_lerobot([data, usual], tmp_path / "both", options)
+
+
+@pytest.mark.parametrize(
+    ("kind", "robot"),
+    [("franka_fr3_duo", ""), ("franka_fr3_duo franka_hand", "franka_hand"), ("so100", None)],
+)
+def test_data_sets_of_lerobot_say_what_a_checkpoint_learned_with(
+    tmp_path: Path, kind: str, robot: str | None
+) -> None:
+    (tmp_path / "data/meta").mkdir(parents=True)
+    (tmp_path / "data/meta/info.json").write_text(json.dumps({"robot_type": kind}))
+    about = {"dataset": {"root": str(tmp_path / "data")}}
+    (tmp_path / "train_config.json").write_text(json.dumps(about))
+    assert lerobot_checkpoint.robot_of(tmp_path) == robot

@@ -12,6 +12,7 @@ from duobench.core.errors import AssetError, UnknownNameError
 from duobench.world.objects.bowl import bowl
 from duobench.world.objects.shapes import CIRCLE_SEGMENTS, box, cylinder
 from duobench.world.objects.solid import Mesh, manifold_of, mesh_of, printable
+from duobench.world.robot.frames import robot_with
 from duobench.world.scene import meshes
 from duobench.world.scene.compose import compose
 from duobench.world.scene.meshes import (
@@ -26,7 +27,14 @@ from duobench.world.scene.meshes import (
 NAMES = sorted(robot_meshes())
 HULLS = [name for name in NAMES if name.endswith(":hull")]
 # Two arms and two grippers, of whose fingers each part is there twice.
-FINGER_PARTS = ("driver", "coupler", "spring_link", "follower", "tongue")
+FINGER_PARTS = ("driver", "coupler", "spring_link", "follower", "tongue", "finger", "tip")
+KINDS = {"robotiq_2f85": "robotiq_2f85/", "franka_hand": "franka_hand/"}
+"""Beginnings of the names of meshes, by gripper."""
+
+
+def of_robot(gripper: str) -> list[str]:
+    others = tuple(prefix for kind, prefix in KINDS.items() if kind != gripper)
+    return [name for name in NAMES if not name.startswith(others)]
 
 
 def shipped() -> bytes:
@@ -48,13 +56,19 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def test_the_file_holds_25_meshes_for_images_and_13_hulls() -> None:
-    found = robot_meshes()
-    assert (len(found), len(HULLS)) == (38, 13)
-    assert sum(len(mesh.vertices) for mesh in found.values()) == 3212
-    assert sum(len(mesh.faces) for mesh in found.values()) == 3124
-    total = sum(copies(name) * len(found[name].faces) for name in NAMES if name not in HULLS)
-    assert total <= 5850, "triangles of two arms and grippers"
+@pytest.mark.parametrize(
+    ("gripper", "count", "points", "triangles", "drawn"),
+    [("robotiq_2f85", 38, 3212, 3124, 5850), ("franka_hand", 28, 2692, 3234, 6360)],
+)
+def test_the_file_holds_the_meshes_of_a_robot(
+    gripper: str, count: int, points: int, triangles: int, drawn: int
+) -> None:
+    found = {name: robot_meshes()[name] for name in of_robot(gripper)}
+    assert len(found) == count
+    assert sum(len(mesh.vertices) for mesh in found.values()) == points
+    assert sum(len(mesh.faces) for mesh in found.values()) == triangles
+    total = sum(copies(name) * len(found[name].faces) for name in found if name not in HULLS)
+    assert total <= drawn, "triangles of two arms and grippers"
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.25, 0.5, 0.75, 0.999])
@@ -97,13 +111,14 @@ def test_a_hull_is_small_closed_and_convex(name: str) -> None:
     assert volume == pytest.approx(ConvexHull(vertices).volume, rel=1e-6)
 
 
-def test_the_robot_uses_every_mesh_and_no_other() -> None:
-    model = compose(()).compile()
+@pytest.mark.parametrize("gripper", KINDS)
+def test_the_robot_uses_every_mesh_and_no_other(gripper: str) -> None:
+    model = compose((), robot=robot_with(gripper)).compile()
     triangles = {
         model.mesh(number).name: int(model.mesh_facenum[number]) for number in range(model.nmesh)
     }
-    of_robot = {name: n for name, n in triangles.items() if name.endswith((":visual", ":hull"))}
-    assert of_robot == {name: len(mesh.faces) for name, mesh in robot_meshes().items()}
+    used = {name: n for name, n in triangles.items() if name.endswith((":visual", ":hull"))}
+    assert used == {name: len(robot_meshes()[name].faces) for name in of_robot(gripper)}
 
 
 def test_a_mesh_is_added_once_and_an_unknown_one_is_rejected_with_the_near_ones() -> None:

@@ -9,10 +9,13 @@ import numpy as np
 from lerobot.robots import Robot, RobotConfig
 from lerobot.teleoperators import TeleoperatorConfig
 
-from duobench.core.lerobot_keys import POSITION
+from duobench.core.lerobot_keys import POSITION, ROBOT_TYPE
 from duobench.core.randomness import TRAIN
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.frames import other_robot
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 KEYS = tuple(f"{name}{POSITION}" for name in JOINT_NAMES)
 """Names of the numbers of an action: seven joints in radians and a gripper, left then right."""
@@ -35,6 +38,10 @@ class DuoBenchTeleoperatorConfig(TeleoperatorConfig):
     lockstep: bool = False
     """Whether each action waits for a message of the page, and nothing moves without one: for
     machines that are too slow for real time."""
+    gripper: str = DEFAULT_GRIPPER
+    """Gripper of the arms that are led, as the robot has it."""
+    mount: str = DEFAULT_MOUNT
+    """Their mounting."""
 
 
 @RobotConfig.register_subclass("duobench")
@@ -55,6 +62,10 @@ class DuoBenchRobotConfig(RobotConfig):
     """Side of the images in pixels."""
     look: str = "default"
     """How they look, as the page looks names it."""
+    gripper: str = DEFAULT_GRIPPER
+    """Gripper on both arms, such as franka_hand, or module:ATTRIBUTE."""
+    mount: str = DEFAULT_MOUNT
+    """How the arms are mounted: duo or wide."""
     real_time: bool = True
     """Whether a control step takes at least 1/30 s, whatever LeRobot's program asks for."""
 
@@ -81,9 +92,12 @@ class DuoBenchDuoConfig(RobotConfig):
 class Arms(Robot):
     """Both arms of an FR3 Duo, with cameras, in the numbers of `KEYS`."""
 
-    name = "franka_fr3_duo"
+    name = ROBOT_TYPE
 
-    def __init__(self, config: DuoBenchRobotConfig | DuoBenchDuoConfig) -> None:
+    def __init__(
+        self, config: DuoBenchRobotConfig | DuoBenchDuoConfig, gripper: str, mount: str
+    ) -> None:
+        self.name = f"{ROBOT_TYPE} {other_robot(gripper, mount)}".rstrip()
         super().__init__(config)
         self.config = config
         self.cameras: dict[str, None] = dict.fromkeys(config.views)

@@ -48,7 +48,6 @@ class DuoBenchDuo(Arms):
             FileError: The rig's file cannot be read.
             UnknownNameError: The rig has no such camera.
         """
-        super().__init__(config)
         if duo is None and not config.rig:
             raise OptionError(
                 "rig is the file of a rig, such as rig.json, or 'rehearsal'."
@@ -58,6 +57,7 @@ class DuoBenchDuo(Arms):
                 "Somebody has to confirm before real arms move: leave `ask` true."
             )
         self._duo = duo or open_rig(config.rig, guard=config.guard)
+        super().__init__(config, self._duo.rig.gripper, self._duo.rig.mount)
         for name in config.views:
             check_known("camera of this rig", name, self._duo.cameras)
         self._is_connected = False

@@ -25,6 +25,8 @@ from duobench.envs.state_labels import SHOWN
 from duobench.tasks import catalog
 from duobench.tasks.object_state import ENVIRONMENT_STATE
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 ALL = "all"
 AGENT = "agent_pos"
@@ -53,6 +55,10 @@ class DuoBenchEnv(EnvConfig):
     """Height and width of the videos in pixels."""
     episode_length: int | None = None
     """Control steps after which an episode ends; None takes the task's."""
+    gripper: str = DEFAULT_GRIPPER
+    """Gripper on both arms, such as franka_hand, or module:ATTRIBUTE."""
+    mount: str = DEFAULT_MOUNT
+    """How the arms are mounted: duo or wide."""
     suite_seeds: bool = True
     """Whether seed n is the n-th episode of DuoBench's evaluation; otherwise it is a seed."""
     features: dict[str, PolicyFeature] = field(default_factory=dict)
@@ -111,6 +117,8 @@ class DuoBenchEnv(EnvConfig):
             "render_mode": "rgb_array",
             "render_size": tuple(self.render_size),
             "horizon": self.episode_length,
+            "gripper": self.gripper,
+            "mount": self.mount,
         }
 
     def get_env_processors(

@@ -18,11 +18,8 @@ from duobench.teleop.messages import (
     Restore,
 )
 from duobench.world.kinematics.inverse import Kinematics
-from duobench.world.robot.frames import ROBOT
-from duobench.world.robot.mounts import HOME_JOINTS
+from duobench.world.robot.frames import ROBOT, Robot
 
-OPEN_HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES)))
-"""Where the arms are at first: at home, both grippers open."""
 NO_RESTORING = "LeRobot records here, and what it has discarded cannot be restored."
 NO_WORDING = "The instruction is said where the recording was started."
 
@@ -34,22 +31,24 @@ class HandArms:
     thirty times a second.
     """
 
-    def __init__(self, *, lockstep: bool = False) -> None:
-        """Begin at home, waiting for the operator.
+    def __init__(self, *, lockstep: bool = False, robot: Robot = ROBOT) -> None:
+        """Begin at home with both grippers open, waiting for the operator.
 
         Args:
             lockstep: Whether each message of hands is one step, and nothing moves between.
+            robot: Description of the arms.
         """
-        self.device = HandDevice(lockstep=lockstep)
+        self.robot = robot
+        self.device = HandDevice(lockstep=lockstep, robot=robot)
         """The hands."""
         self.note = ""
         """A sentence for the operator."""
         self._lockstep = lockstep
-        self._kinematics = Kinematics(ROBOT)
+        self._kinematics = Kinematics(robot)
         self._presses = ButtonPresses()
         self._inbox = Inbox()
         self._decision: str | None = None
-        self.place(OPEN_HOME)
+        self.place(robot.home_command)
 
     # --- from any thread ---------------------------------------------------------------------
 

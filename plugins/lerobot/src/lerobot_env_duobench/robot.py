@@ -30,7 +30,7 @@ class DuoBenchRobot(Arms):
     config_class = DuoBenchRobotConfig
 
     def __init__(self, config: DuoBenchRobotConfig) -> None:
-        super().__init__(config)
+        super().__init__(config, config.gripper, config.mount)
         self._env: gym.Env | None = None
         self._teleoperator: DuoBenchTeleoperator | None = None
         self._due = 0.0
@@ -51,8 +51,8 @@ class DuoBenchRobot(Arms):
         """Lay out the first episode.
 
         Raises:
-            UnknownNameError: There is no such task, split, camera or look.
-            OptionError: A number is none.
+            UnknownNameError: There is no such task, split, camera, look, gripper or mount.
+            OptionError: A number is none, or the teleoperator leads another robot.
         """
         config = self.config
         base = make_base(
@@ -61,6 +61,8 @@ class DuoBenchRobot(Arms):
             image_size=config.image_size,
             split=config.split,
             look=config.look,
+            gripper=config.gripper,
+            mount=config.mount,
         )
         self._env = with_wrappers(base)  # without a time limit
         self._number = config.episode

@@ -14,7 +14,7 @@ from lerobot.teleoperators.utils import TeleopEvents
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 from duobench.cli.shared.page import PageOptions
-from duobench.core.errors import LeaderError, check_known
+from duobench.core.errors import LeaderError, OptionError, check_known
 from duobench.core.types import SIDES, DuoCommand, DuoState
 from duobench.teleop.hands import DISCARD, KEEP
 from duobench.teleop.messages import Message
@@ -22,10 +22,11 @@ from duobench.teleop.teleop_page import WATCHING
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.world.looks.look import Look
+from duobench.world.robot.frames import Robot, robot_with
 from duobench.world.robot.joints import JOINT_RANGES
 from duobench.world.sim.simulation import Simulation
 from lerobot_env_duobench.config import KEYS, DuoBenchTeleoperatorConfig, by_key
-from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
+from lerobot_env_duobench.hand_arms import HandArms
 
 PULSES = {f"{side}_pulse": str(side) for side in SIDES}
 """Names of the strengths, 0 to 1, with which controllers rumble, and on which side."""
@@ -95,11 +96,13 @@ class DuoBenchTeleoperator(Teleoperator):
         """Serve the page, and say where.
 
         Raises:
+            UnknownNameError: There is no such gripper or mount.
             ServingError: The port cannot be had, or there is no certificate for the network.
         """
-        self._arms = HandArms(lockstep=self.config.lockstep)
+        robot = robot_with(self.config.gripper, self.config.mount)
+        self._arms = HandArms(lockstep=self.config.lockstep, robot=robot)
         self._page = _LivePage(self._arms, self.config.port, self.config.lan)
-        self._shadow = _Shadow()
+        self._shadow = _Shadow(robot)
         self._page.show_scene(self._shadow.simulation)
         self.connected.append(self)
         _log.info("Open %s", self.url)
@@ -134,7 +137,7 @@ class DuoBenchTeleoperator(Teleoperator):
         """
         decision = self._arms.take_decision()
         if decision is not None:
-            self.place(OPEN_HOME)
+            self.place(self._arms.robot.home_command)
         return {
             TeleopEvents.IS_INTERVENTION: any(self._arms.device.clutch),
             TeleopEvents.TERMINATE_EPISODE: decision is not None,
@@ -192,8 +195,19 @@ class DuoBenchTeleoperator(Teleoperator):
             self._shadow.place(command)
 
     def show_robot(self, simulation: Simulation, look: Look) -> None:
-        """Show a robot of the same program from now on, in place of the arms alone."""
+        """Show a robot of the same program from now on, in place of the arms alone.
+
+        Raises:
+            OptionError: The teleoperator leads arms with another gripper or mount.
+        """
         if self._page is not None:
+            led, shown = self._arms.robot, simulation.robot
+            if led != shown:
+                raise OptionError(
+                    f"The teleoperator leads arms with a {led.gripper.name} on mount "
+                    f"{led.mount.name}, the robot has a {shown.gripper.name} on mount "
+                    f"{shown.mount.name}: give both the same gripper and mount."
+                )
             self._shadow = None
             self._page.show_scene(simulation, look)
 
@@ -215,8 +229,8 @@ class DuoBenchTeleoperator(Teleoperator):
 class _Shadow:
     """Simulated arms without a table full of things, for a page of arms that are elsewhere."""
 
-    def __init__(self) -> None:
-        self.simulation = Simulation()
+    def __init__(self, robot: Robot) -> None:
+        self.simulation = Simulation(robot=robot)
         """The arms."""
 
     def place(self, command: DuoCommand) -> None:
@@ -243,7 +257,7 @@ class _LivePage:
         self._server.listen(
             Message,
             lambda message: arms.receive(message, time.monotonic()),
-            lambda: arms.leave(time.monotonic()),
+            lambda _gives_way: arms.leave(time.monotonic()),
             WATCHING,
         )
         self._simulation: Simulation | None = None

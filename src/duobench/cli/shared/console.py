@@ -119,8 +119,8 @@ def results_table(part: RunPart) -> Table:
     )
     legend = "Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."
     far_off = FAR_OFF if part.is_far_off else ""
-    notes = [note for note in (far_off, part.repeatability, legend) if note]
-    rows.caption = "\n".join(notes)
+    notes = (part.candidate.robot_note, far_off, part.repeatability, legend)
+    rows.caption = "\n".join(filter(None, notes))
 
     def cells(
         name: str,

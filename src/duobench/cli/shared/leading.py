@@ -127,8 +127,12 @@ class LedBy:
         if self.source is None or self.options.policy is None:
             return None
         from duobench.evaluation.policies import actor_of, parse_choice
+        from duobench.policy.policy import robot_note
         from duobench.teleop.policy_leader import PolicyLeader
 
+        note = robot_note(self.source.metadata, env.get_wrapper_attr("config"))
+        if note:
+            say(note)
         choice = parse_choice(self.options.policy)
         return PolicyLeader(
             env,

@@ -158,7 +158,7 @@ class EpisodesPlayed:
             f"Policy {run.candidate.title}: {counted(len(suite.tasks), 'task')}, "
             f"{counted(sum(totals.values()), 'episode')}{going_on}"
         )
-        self._shown.begin(heading, totals)
+        self._shown.begin(f"{heading}\n{run.candidate.robot_note}".rstrip(), totals)
         for record in finished:
             self._shown.advance(record.task, succeeded=record.success, earlier=True)
 
@@ -188,7 +188,7 @@ class EpisodesKept:
             f"{counted(len(totals), 'task')}, {counted(run.suite.size, 'episode')}"
         )
         heading += f", {len(kept)} already recorded" if kept else ""
-        self._shown.begin(heading, totals)
+        self._shown.begin(f"{heading}\n{run.candidate.robot_note}".rstrip(), totals)
         for task in kept:
             self._shown.advance(task, earlier=True)
 

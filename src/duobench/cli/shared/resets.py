@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from duobench.envs.config import checked_seed
 from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT
+from duobench.world.robot.frames import robot_with
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
@@ -32,13 +34,14 @@ def reset_env(
     task: Task,
     seed: int,
     look: str = DEFAULT,
+    gripper: str = DEFAULT_GRIPPER,
 ) -> SimEnv:
     """An environment with the layout that a seed gives, tried on the simulated objects."""
     from duobench.envs import RandomizedReset
     from duobench.envs.sim_env import SimEnv
 
     checked_seed(seed)
-    env = SimEnv(task, look=look)
+    env = SimEnv(task, look=look, robot=robot_with(gripper))
     env.make_judge()  # an error where a stage names what is not there
     RandomizedReset(env).reset(seed=seed)
     return env

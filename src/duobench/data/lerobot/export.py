@@ -89,7 +89,7 @@ from duobench.envs.rewards import DENSE, PROGRESS, STAGE
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import RANDOM
 from duobench.world.robot.cameras import describe_cameras
-from duobench.world.robot.frames import Robot
+from duobench.world.robot.frames import USUAL_ROBOT, Robot
 from duobench.world.sim import rendering
 
 _Job = tuple[ExportFolder, int]
@@ -250,9 +250,7 @@ def _plan(
             if not stretches:
                 emptied.append(" and ".join(used.left_out))
             for rows in stretches:
-                robots[info.robot] = (
-                    "" if info.config is None else info.config.other_robot
-                )
+                robots[info.robot] = info.other_robot
                 tasks.add(task)
                 episodes.append(
                     SourceEpisode(
@@ -283,9 +281,9 @@ def _plan(
         raise DataError(told)
     if len(robots) > 1:
         raise DataError(
-            "The episodes were recorded with different grippers or mounts "
-            f"({', '.join(name or 'those of the paper' for name in robots.values())}); export "
-            "each into a folder of its own."
+            "The episodes were recorded with different grippers or mounts: "
+            f"{', '.join(name or USUAL_ROBOT for name in robots.values())}. Export each into a "
+            "folder of its own."
         )
     ((robot, name),) = robots.items()
     return Export(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DataError
 from duobench.core.files import write
+from duobench.core.lerobot_keys import ROBOT_TYPE
 from duobench.core.types import Array
 from duobench.core.video import Frame
 from duobench.data.lerobot import depth, v21
@@ -31,7 +32,6 @@ from duobench.data.lerobot.folder import (
 from duobench.data.lerobot.options import Format
 from duobench.data.recording import to_bytes, to_numpy
 
-ROBOT = "franka_fr3_duo"
 DATA_MB, VIDEO_MB = 100, 200
 """Sizes at which LeRobot's own writer begins another file; ours has one an episode."""
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
@@ -199,7 +199,7 @@ def _info(export: Export, cameras: Mapping[str, Any]) -> dict[str, Any]:
         **about,
         "data_path": data_path,
         "video_path": video_path if options.videos else None,
-        "robot_type": ROBOT,
+        "robot_type": f"{ROBOT_TYPE} {export.robot}".rstrip(),
         "splits": {"train": f"0:{episodes}"},
     }
 

@@ -31,10 +31,12 @@ from duobench.core.lerobot_keys import (
     IMAGE_PREFIX,
     LAST,
     OBJECT_STATE,
+    ROBOT,
     STATE,
     STEP,
     SUITE,
     feature_names,
+    robot_of,
 )
 from duobench.core.machine import install_extra
 from duobench.core.randomness import SUITE_VERSION
@@ -76,6 +78,8 @@ class Training:
     names: Mapping[str, Sequence[str]]
     """Names of the numbers of its features."""
     suite_version: str | None
+    robot: str | None
+    """Gripper and mount that are not the paper's."""
     notes: tuple[str, ...] = ()
     """Sentences about what was assumed of the data, and what of it is left out."""
 
@@ -105,7 +109,8 @@ class Training:
 
     def name_features(self) -> None:
         """Write beside every checkpoint what its numbers are, which LeRobot does not keep."""
-        text = json.dumps({**self.names, SUITE: self.suite_version}, indent=2) + "\n"
+        facts = {**self.names, SUITE: self.suite_version, ROBOT: self.robot}
+        text = json.dumps(facts, indent=2) + "\n"
         for folder in self.checkpoint.parent.parent.glob(f"*/{self.checkpoint.name}"):
             write(folder / FEATURE_NAMES, text)
 
@@ -246,6 +251,7 @@ def _plan(
         tasks=learned,
         names=source.names,
         suite_version=source.suite_version,
+        robot=source.robot,
         notes=tuple(source.notes),
     )
 
@@ -428,6 +434,8 @@ class LearningData:
                 f"{path} is of suite {self.suite_version}; this version has suite {SUITE_VERSION}, "
                 "whose episodes are others. Record or generate and export them again."
             )
+        self.robot = robot_of(info)
+        """Gripper and mount that are not the paper's, where it says so."""
         options = about.get("options")
         if isinstance(options, Mapping) and options.get("after_success") is False:
             self.notes.append(

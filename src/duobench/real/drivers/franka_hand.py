@@ -5,7 +5,8 @@ holds, and each call blocks until that has ended. Targets come thirty times a se
 from one to the other, here and in simulation: at most every `hold_steps` control steps a new target
 stops what runs; one that closes is a grasp with the set force, one that opens is a move. A grip
 that holds something is left alone by targets that close further. Tried with
-franky-sim, and on no hardware: there a stop takes 1 to 70 ms.
+franky-sim, and on no hardware. There a stop takes 1 to 12 ms, a motion that was stopped is never
+answered, and each of those makes later calls 10 ms slower.
 """
 
 from __future__ import annotations
@@ -90,14 +91,9 @@ class FrankyPort:
         self._errors = (OSError, RuntimeError, library.Exception)
         self._hand = self._asked(library.Gripper, self._config.port)
 
-    def read(self) -> HandState:
-        """Its state now."""
-        state = self._asked(lambda: self._hand.state)
-        return HandState(
-            width=state.width,
-            max_width=state.max_width,
-            is_grasped=state.is_grasped,
-        )
+    def read(self) -> Any:
+        """Its state now, with the names of `HandState`."""
+        return self._asked(lambda: self._hand.state)
 
     def home(self) -> None:
         """Begin to move through the whole range."""
@@ -233,6 +229,10 @@ class FrankaHand:
 
     imitation = ImitatedHand
     """Stands for the hardware in a rehearsal."""
+    knows_ends = (
+        "a Franka Hand says its gap in metres, and finds its ends when it is activated"
+    )
+    """Sentence on why nobody measures them."""
 
     def __init__(
         self,
@@ -276,18 +276,16 @@ class FrankaHand:
             return
         self._goal, self._is_holding, self._homes = None, False, True
         end = self._clock.now() + HOMING_S
-        why = f"was not homed within {HOMING_S:g} s."
-        while self._clock.now() < end:
+        while self._homes and self._clock.now() < end:
             self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
-            reading = self.read()
-            if reading.fault is not None:
-                raise BackendError(reading.fault.text)
-            if not self._homes:
-                if reading.is_active:
-                    return
-                why = "was stopped before it was homed."
-                break
-        raise BackendError(f"The hand at {self._config.port} {why}")
+            fault = self.read().fault
+            if fault is not None:
+                raise BackendError(fault.text)
+        if not self.read().is_active:
+            raise BackendError(
+                f"The hand at {self._config.port} was not homed: it was stopped, or took over "
+                f"{HOMING_S:g} s."
+            )
 
     def read(self) -> GripperReading:
         """The latest reading; its fault says what is wrong now, silence included."""
@@ -360,10 +358,9 @@ class FrankaHand:
         elif goal is not None and state.max_width > 0.0 and now >= self._next_start:
             if self._told is not None and abs(goal - self._told) < SAME:
                 return
+            if not (state.is_grasped and goal < state.width):  # it presses already
+                self._next_start = now + HOLD_S
+                if port.is_moving:
+                    port.stop()
+                port.start(Motion(width=goal, grasps=goal < state.width - SAME))
             self._told = goal
-            if state.is_grasped and goal < state.width:
-                return  # it presses already
-            self._next_start = now + HOLD_S
-            if port.is_moving:
-                port.stop()
-            port.start(Motion(width=goal, grasps=goal < state.width - SAME))

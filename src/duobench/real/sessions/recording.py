@@ -26,6 +26,7 @@ from duobench.envs.action_modes import JOINT
 from duobench.envs.config import INSTRUCTION, LAYOUT, SPLIT
 from duobench.evaluation.policies import PolicySource
 from duobench.policy import PolicyMetadata
+from duobench.policy.policy import robot_note
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env
 from duobench.real.sessions.operator import Operator, TerminalView
@@ -66,7 +67,10 @@ class Playback:
         self.commands = slowed(recording.sent, tempo)
         """The commands (n, 16) that are played."""
         self.metadata = PolicyMetadata(
-            name=f"{name} at {tempo:g} of its speed", cameras=(), action_mode=JOINT.name
+            name=f"{name} at {tempo:g} of its speed",
+            cameras=(),
+            action_mode=JOINT.name,
+            robot=recording.info.other_robot,
         )
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - as policies have it
@@ -178,6 +182,11 @@ class RigRecording(RigSession):
     def run(self) -> int:
         """Record until so many episodes are kept, or the operator ends it; how many are kept."""
         with suppress(Stopped):
+            note = robot_note(
+                self._source.metadata, self.env.get_wrapper_attr("config")
+            )
+            if note:
+                self._operator.say(note)
             while self.kept < self._wanted:
                 self._operator.say(f"Kept so far: {self.kept} of {self._wanted}.")
                 self._record_one()

@@ -59,6 +59,8 @@ TIPS = 0.0229
 """Reach of fingertips beyond the tool, in metres, for which scripts are written."""
 LENGTH = 0.1722
 """Way from the flange to the fingertips, in metres, for which they are."""
+FORCE = 100.0
+"""Force of the fingers in N for which they are."""
 
 
 class Arms:
@@ -97,6 +99,8 @@ class Arms:
         """How much further along its z than a script's tool that of the gripper is, in metres."""
         self.shorter = max(0.0, LENGTH - gripper.tool_offset - gripper.tips)
         """How much nearer palm, camera and wrist come to what fingers reach into, in metres."""
+        self.firmness = min(1.0, gripper.force / FORCE)
+        """Share of the usual speed at which what is held far from its middle does not swivel."""
         self.targets: dict[Side, SE3] = {
             side: self._script_tool(pose)
             for side, pose in self.kinematics.forward(self.joints).items()

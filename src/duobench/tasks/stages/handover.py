@@ -20,9 +20,11 @@ from duobench.tasks.stages.logic import (
 from duobench.tasks.stages.passage import Passage
 from duobench.tasks.stages.predicates import (
     FLICKER_SECONDS,
+    LIFTED_HEIGHT,
     grasped,
     lifted,
     off_table,
+    raised,
     released,
     touches,
     touching,
@@ -98,6 +100,7 @@ def handover(
     prop: str,
     *supports: str,
     way: Passage | None = None,
+    top: float = 0.0,
 ) -> Handover:
     """The predicates for an object.
 
@@ -109,6 +112,8 @@ def handover(
         supports: Where it may be put down, beside the table: on none of them it is in the air.
         way: The way that the object takes. The giver is the arm that brings it through, and it is
             handed over on the far side, or while it is in the hole.
+        top: Height in metres of a flat support: what lies on it is as high as what was lifted off
+            the table, and fingers that close on it may part the two for a step.
     """
     held = {side: lifted(side, prop, *supports) for side in SIDES}
     alone = {
@@ -172,10 +177,12 @@ def handover(
     disturbed = {
         side: touches(side.other, prop) | touching(prop, TABLE) for side in SIDES
     }
+    high = raised(prop, top + LIFTED_HEIGHT)
+    aloft = {side: alone[side] & high for side in SIDES}
     in_hand = {
         side: all_of(
             grasped(side, prop),
-            alone[side] | since(alone[side], reset=loose | disturbed[side]),
+            aloft[side] | since(aloft[side], reset=loose | disturbed[side]),
             received[side] | since(received[side], reset=alone[side.other]),
         ).called(f"{side} grasps {prop}, which it has received")
         for side in SIDES

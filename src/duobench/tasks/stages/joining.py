@@ -50,9 +50,9 @@ def engaged(
     """
     return leaf(
         f"peg of {peg.body} is in a socket of {socket.body}",
-        lambda state: led_in(state.simulation, peg, socket, depth, SOCKET_REACH),
-        otherwise=lambda state: tip_in_words(state.simulation, peg, socket),
-        off=lambda state: tip_off(state.simulation, peg, socket, depth),
+        lambda state: led_in(state, peg, socket, depth, SOCKET_REACH),
+        otherwise=lambda state: tip_in_words(state, peg, socket),
+        off=lambda state: tip_off(state, peg, socket, depth),
     )
 
 

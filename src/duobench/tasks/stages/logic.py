@@ -17,6 +17,7 @@ from collections.abc import (
     Iterable,
     Iterator,
     Mapping,
+    Sequence,
 )
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -59,8 +60,23 @@ class Memory:
     """Event of an earlier step."""
     reset: Predicate | None
     """Predicate that clears the memory, if any."""
-    only: Predicate | None = None
-    """Predicate that holds wherever one of both does, if known: where not, neither is asked."""
+    number: Number | None = None
+    """Number of which it is a binary digit, if it is one."""
+
+
+@dataclass(
+    frozen=True,
+    kw_only=True,
+    slots=True,
+    eq=False,
+)
+class Number:
+    """A number that is remembered in binary digits, as `kept` does."""
+
+    units: Callable[[StateView], float]
+    """Function that gives its whole units at a step."""
+    when: Predicate
+    """Predicate of the steps at which it is remembered anew."""
 
 
 @dataclass(
@@ -105,9 +121,25 @@ class StateView:
     past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
     """Reasons from earlier steps why something is not remembered; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
-    """Answers so far: a predicate is pure, so it is tested once a control step."""
+    """Answers so far of predicates that look: they are pure, so each is tested once a step."""
+    conclusions: dict[Predicate, bool] = field(default_factory=dict)
+    """Answers so far of the others, which follow from those and from what is remembered."""
     _found: dict[object, Any] = field(default_factory=dict)
     """Values computed of poses so far."""
+
+    def begin(
+        self,
+        simulation: Simulation,
+        remembered: frozenset[Memory],
+        lasted: Mapping[StepClock, int],
+    ) -> None:
+        """See the next step of the same episode."""
+        self.simulation = simulation
+        self.remembered = remembered
+        self.lasted = lasted
+        self.answers = {}
+        self.conclusions = {}
+        self._found = {}
 
     def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
         """Origin of a body in the frame of another body, in metres, computed once."""
@@ -174,17 +206,31 @@ class Predicate:
     """Contacts on which its value depends, if it is about some."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """Same as calling the predicate, as a plain function, which Python calls in half the time."""
+    cost: int = field(init=False, repr=False)
+    """What the first look takes: 0 where all is remembered, 1 for contacts and 2 for poses."""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "cost", self._first_cost())
         test = self.test
 
-        def ask(state: StateView) -> bool:
+        def look(state: StateView) -> bool:
             answer = state.answers.get(self)
             if answer is None:
                 answer = state.answers[self] = test(state)
             return answer
 
-        object.__setattr__(self, "ask", ask)
+        def conclude(state: StateView) -> bool:
+            answer = state.conclusions.get(self)
+            if answer is None:
+                answer = state.conclusions[self] = test(state)
+            return answer
+
+        object.__setattr__(self, "ask", look if self.looks else conclude)
+
+    def _first_cost(self) -> int:
+        if self.touch is not None:
+            return 1
+        return 2 if self.looks else min((part.cost for part in self.parts), default=0)
 
     def __call__(self, state: StateView) -> bool:
         """Whether it holds."""
@@ -352,6 +398,9 @@ class Since(Predicate):
         """Whether it was remembered, or could have been."""
         return self.memory in state.past or self.ask(state) or self._now(state)
 
+    def _first_cost(self) -> int:
+        return 0
+
     def _now(self, state: StateView) -> bool:
         return self.at is not None and self.at.ask(state)
 
@@ -390,7 +439,7 @@ def since(
     predicate: Predicate,
     *,
     reset: Predicate | None = None,
-    only: Predicate | None = None,
+    number: Number | None = None,
 ) -> Since:
     """`predicate` held at some earlier step of this episode, and `reset` has not held since.
 
@@ -399,9 +448,10 @@ def since(
         reset: What makes it forgotten, if anything: it held at none of the steps from the one that
             is remembered to the last one. So `since(left, reset=right)` is true where the last of
             the two that held was `left`.
-        only: A part of both, without which neither holds.
+        number: The number of which it is a binary digit, if it is one; `Progress` remembers all
+            digits of it at once.
     """
-    memory = Memory(event=predicate, reset=reset, only=only)
+    memory = Memory(event=predicate, reset=reset, number=number)
     name = f"since {predicate.name}" + (
         "" if reset is None else f" without {reset.name}"
     )
@@ -430,6 +480,11 @@ class Kept:
         )
 
 
+def digit_at(place: int, units: Any) -> Any:
+    """Whether the binary digit at a place of a whole number is 1."""
+    return units // 2**place % 2 >= 1
+
+
 def kept(
     name: str,
     number: Callable[[StateView], float],
@@ -451,14 +506,15 @@ def kept(
     """
 
     def units(state: StateView) -> float:
-        return state.once(units, lambda _sim: number(state) / unit)
+        return state.once(units, lambda _sim: number(state) / unit // 1)
+
+    whole = Number(units=units, when=when)
 
     def bit(place: int) -> Since:
-        worth = 2**place
         digit = leaf(
-            f"digit {place} of {name}", lambda state: units(state) // worth % 2 >= 1
+            f"digit {place} of {name}", lambda state: digit_at(place, units(state))
         )
-        return since(when & digit, reset=when & ~digit, only=when)
+        return since(when & digit, reset=when & ~digit, number=whole)
 
     return Kept(bits=tuple(map(bit, range(int(most / unit).bit_length()))), unit=unit)
 
@@ -481,6 +537,9 @@ class HeldFor(Predicate):
     def steps(self) -> int:
         """The same in control steps."""
         return _steps(self.seconds)
+
+    def _first_cost(self) -> int:
+        return 0
 
     def _unmet(self, state: StateView) -> Words:
         part = self.clock.of
@@ -527,11 +586,18 @@ def _not(predicate: Predicate) -> Predicate:
     )
 
 
+def _cheapest_first(
+    predicates: Sequence[Predicate],
+) -> tuple[Callable[[StateView], bool], ...]:
+    """Functions that ask predicates of which one may settle it: poses are looked at last."""
+    return tuple(part.ask for part in sorted(predicates, key=lambda part: part.cost))
+
+
 @shared
 def all_of(*predicates: Predicate) -> Predicate:
-    """All hold."""
+    """All hold; parts are asked in any order."""
     name = " and ".join(p.name for p in predicates)
-    asks = tuple(p.ask for p in predicates)
+    asks = _cheapest_first(predicates)
 
     def test(state: StateView) -> bool:
         for ask in asks:  # noqa: SIM110 - a third of the time of a generator
@@ -549,9 +615,9 @@ def all_of(*predicates: Predicate) -> Predicate:
 
 @shared
 def any_of(*predicates: Predicate) -> Predicate:
-    """Disjunction: at least one predicate holds."""
+    """Disjunction: at least one predicate holds; parts are asked in any order."""
     name = " or ".join(p.name for p in predicates)
-    asks = tuple(p.ask for p in predicates)
+    asks = _cheapest_first(predicates)
 
     def test(state: StateView) -> bool:
         for ask in asks:  # noqa: SIM110 - a third of the time of a generator

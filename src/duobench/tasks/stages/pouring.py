@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import methodcaller
 
 from duobench.tasks.stages.logic import (
     Predicate,
@@ -76,43 +77,36 @@ def pouring(
     low = [inside(thing, lower) for thing in things]
     lying = [part & other for part, other in zip(low, slow, strict=True)]
 
-    def heights(state: StateView) -> dict[int, float]:
-        return state.once(
-            heights,
-            lambda sim: sim.heights_inside(
-                things, vessel, radius=radius, low=floor, high=rim
-            ),
-        )
-
-    def numbers_low(state: StateView) -> list[int]:
-        return state.once(
-            numbers_low,
-            lambda _sim: [n for n, up in heights(state).items() if up <= lower.high],
-        )
+    look = methodcaller(
+        "heights_inside",
+        things,
+        vessel,
+        radius=radius,
+        low=floor,
+        high=rim,
+    )
 
     def any_within(state: StateView) -> bool:
-        return within[0].test(state) or len(heights(state)) > 0
+        return within[0].test(state) or len(state.once(look, look)) > 0
 
     def each_within(state: StateView) -> bool:
-        return len(heights(state)) == len(things)
+        return len(state.once(look, look)) == len(things)
 
     def any_lies(state: StateView) -> bool:
-        numbers = numbers_low(state)
-        if len(numbers) == len(things) and are_slow(state):
+        heights: dict[int, float] = state.once(look, look)
+        if len(heights) == len(things) and each_lies(state):
             return True
-        return any(slow[number].test(state) for number in numbers)
+        return any(
+            up <= lower.high and slow[number].test(state)
+            for number, up in heights.items()
+        )
 
     def each_lies(state: StateView) -> bool:
-        return len(numbers_low(state)) == len(things) and are_slow(state)
-
-    def are_slow(state: StateView) -> bool:
-        return state.once(
-            are_slow,
-            lambda sim: (
-                sim.are_slower(things, vessel, LYING_SPEED, within=reach)
-                or all(part.test(state) for part in slow)
-            ),
-        )
+        heights = state.once(look, look)
+        if len(heights) < len(things) or max(heights.values()) > lower.high:
+            return False
+        clearly = state.simulation.are_slower(things, vessel, LYING_SPEED, within=reach)
+        return clearly or all(part.test(state) for part in slow)
 
     def count(state: StateView) -> str:
         return (

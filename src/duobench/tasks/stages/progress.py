@@ -21,11 +21,13 @@ from duobench.core.types import CONTROL_HZ
 from duobench.tasks.stages.logic import (
     HeldFor,
     Memory,
+    Number,
     Predicate,
     Since,
     StateView,
     StepClock,
     Words,
+    digit_at,
 )
 from duobench.tasks.stages.nearness import Nearness
 from duobench.tasks.stages.predicates import VariantIs
@@ -106,9 +108,6 @@ def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
     for memory in memories:
         event = memory.event
         reset = memory.reset
-        only = memory.only
-        if only is not None and not only.ask(state):
-            continue
         if memory in before:
             if reset is not None and reset.ask(state):
                 gone.append(memory)
@@ -142,16 +141,12 @@ class _Judgement:
     memories are the same: predicates are pure.
     """
 
-    pairs: tuple[Pair, ...]
-    """Owners of contacts that were all that some predicates looked at."""
-    touching: list[bool]
-    """Whether each of these pairs touched."""
+    pairs: tuple[tuple[Pair, bool], ...]
+    """Owners of contacts that were all that some predicates looked at, and whether they touched."""
     told: Mapping[Predicate, bool]
     """Values of these predicates."""
-    waits: tuple[tuple[StepClock, int], ...]
-    """Clocks that were looked at, and counts that were waited for."""
-    over: list[bool]
-    """Whether each of these was reached."""
+    waits: tuple[tuple[StepClock, int, bool], ...]
+    """Clocks that were looked at, counts that were waited for, and whether they were reached."""
     seen: tuple[tuple[Predicate, bool], ...]
     """Other predicates that looked at the step, in the order in which they were asked, and their
     values."""
@@ -162,6 +157,10 @@ class _Judgement:
     final_holds: bool
     stayed: tuple[bool, ...]
     """Whether the lasting part of each reached stage has stayed."""
+    followed: tuple[Number, ...]
+    """Numbers that were looked at, and may have changed."""
+    read: frozenset[Number]
+    """Numbers on whose digits some answer depended."""
 
 
 def check_names(
@@ -203,7 +202,8 @@ def check_names(
                 _check_variant(part, variants, options)
         except UnknownNameError as error:
             raise UnknownNameError(f"Stage {stage.name!r}: {error}") from error
-        unnamed = state.answers.keys() - parts.keys()
+        asked = state.answers.keys() | state.conclusions.keys()
+        unnamed = asked - parts.keys()
         lost = [p for p in unnamed if memories_in([p]) or clocks_in([p])]
         if lost:
             raise TaskError(
@@ -240,6 +240,15 @@ class Progress:
         self._stages = stages
         constraints = constraints_of(stages)
         self._memories = memories_in(constraints)
+        self._events = [m for m in self._memories if m.number is None]
+        """Memories that are no digits of a number."""
+        self._digits: dict[Number, list[Since]] = {}
+        """Binary digits of each number that is remembered, lowest first."""
+        for part in dict.fromkeys(sinces_in(constraints)):
+            if part.memory.number is not None:
+                self._digits.setdefault(part.memory.number, []).append(part)
+        self._units: dict[Number, float] = {}
+        """Each of these numbers that was looked at since the last reset."""
         self._remembered: frozenset[Memory] = frozenset()
         self._clocks = clocks_in(constraints)
         self._awaited = _awaited(constraints)
@@ -254,6 +263,8 @@ class Progress:
         self._explained: list[Since] | None = None
         self._past: dict[Memory, str] = {}
         self._judged: StateView | None = None
+        self._state: StateView | None = None
+        """The step that was judged last, of this episode."""
         self._recent: list[_Judgement] = []
         """Different ones with this stage and these memories, the last one first."""
         self._pairs: dict[Predicate, Pair] = {}
@@ -268,6 +279,7 @@ class Progress:
         self._explained = sinces_in(constraints) if on else None
         self._past = {}
         self._judged = None
+        self._state = None
         self._recent.clear()
 
     @property
@@ -329,7 +341,9 @@ class Progress:
         self._lost = [0] * self.max_stage
         self._past = {}
         self._judged = None
+        self._state = None
         self._recent.clear()
+        self._units.clear()
 
     def get_state(self) -> ProgressState:
         """All that the next judgement depends on, beside the simulation and the layout."""
@@ -361,7 +375,9 @@ class Progress:
         self.stage, self.final_holds = state.stage, state.final_holds
         self._past = {}
         self._judged = None
+        self._state = None
         self._recent.clear()
+        self._units.clear()
 
     def counts_since(self, earlier: ProgressState) -> bool:
         """Whether a clock has counted since an earlier state of which something is still awaited.
@@ -379,12 +395,18 @@ class Progress:
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        state = self._view(simulation)
+        state = self._state
+        if state is None:
+            state = self._state = self._view(simulation)
+        else:
+            state.begin(simulation, self._remembered, self._lasted)
         for number, judgement in enumerate(self._recent):
             if self._is_repeated(judgement, state):
                 if number > 0:
                     self._recent.insert(0, self._recent.pop(number))
                 stayed = judgement.stayed
+                if judgement.followed:
+                    self._follow(judgement.followed, state)
                 break
         else:
             stayed = self._judge(state)
@@ -406,13 +428,15 @@ class Progress:
             earlier: The earlier step.
             state: This one; it gets the answers about it so far.
         """
-        if state.simulation.contacts.are_touching(earlier.pairs) != earlier.touching:
+        if not state.simulation.contacts.are_touching(earlier.pairs):
             return False
-        lasted = {**self._lasted, **earlier.cleared}
+        lasted = self._lasted.copy()
+        lasted.update(earlier.cleared)
         for clock in earlier.running:
             lasted[clock] += 1
-        if [lasted[clock] >= count for clock, count in earlier.waits] != earlier.over:
-            return False
+        for clock, count, is_over in earlier.waits:
+            if (lasted[clock] >= count) is not is_over:
+                return False
         state.lasted = lasted
         answers = state.answers
         for predicate, answer in earlier.seen:
@@ -447,15 +471,32 @@ class Progress:
                 break
         stays = (stage.stays for stage in self._stages[: self.stage])
         stayed = tuple(part is None or part.ask(state) for part in stays)
-        self._remembered = recalled(self._memories, state)
+        self._remembered = recalled(self._events, state)
+        followed = [number for number in self._digits if number.when.ask(state)]
         if (self.stage, self._remembered) != before:
             self._recent.clear()
         elif self._explained is None:
-            judgement = self._recorded(state, running, cleared, stayed)
+            judgement = self._recorded(state, running, cleared, stayed, followed)
             self._recent = [judgement, *self._recent[: JUDGEMENTS - 1]]
+        self._follow(followed, state)
         if self._explained is not None:
             self._explain(self._explained, state)
         return stayed
+
+    def _follow(self, numbers: Iterable[Number], state: StateView) -> None:
+        """Remember what numbers are at this step."""
+        for number in numbers:
+            units = number.units(state)
+            if units == self._units.get(number):
+                continue
+            self._units[number] = units
+            digits = self._digits[number]
+            ones = [
+                d.memory for place, d in enumerate(digits) if digit_at(place, units)
+            ]
+            others = self._remembered.difference(digit.memory for digit in digits)
+            self._remembered = others.union(ones)
+            self._recent = [each for each in self._recent if number not in each.read]
 
     def _recorded(
         self,
@@ -463,41 +504,43 @@ class Progress:
         running: list[StepClock],
         cleared: dict[StepClock, int],
         stayed: tuple[bool, ...],
+        followed: list[Number],
     ) -> _Judgement:
         contacts = state.simulation.contacts
-        pairs: list[Pair] = []
+        pairs: list[tuple[Pair, bool]] = []
         told: dict[Predicate, bool] = {}
-        waits: list[tuple[StepClock, int]] = []
-        over: list[bool] = []
+        waits: list[tuple[StepClock, int, bool]] = []
         seen: list[tuple[Predicate, bool]] = []
         for predicate, answer in state.answers.items():
-            if not predicate.looks:
-                continue
             touch = predicate.touch
             if touch is not None:
                 pair = self._pairs.get(predicate)
                 if pair is None:
                     pair = self._pairs[predicate] = contacts.pair(touch)
-                if touch.is_all or not contacts.are_touching([pair])[0]:
-                    pairs.append(pair)
+                is_touching = contacts.is_touching(pair)
+                if touch.is_all or not is_touching:
+                    pairs.append((pair, is_touching))
                     told[predicate] = answer
                     continue
             elif isinstance(predicate, HeldFor):
-                waits.append((predicate.clock, predicate.steps))
-                over.append(answer)
+                waits.append((predicate.clock, predicate.steps, answer))
                 continue
             seen.append((predicate, answer))
         return _Judgement(
             pairs=tuple(pairs),
-            touching=contacts.are_touching(pairs),
             told=told,
             waits=tuple(waits),
-            over=over,
             seen=tuple(seen),
             running=tuple(running),
             cleared=cleared,
             final_holds=self.final_holds,
             stayed=stayed,
+            followed=tuple(followed),
+            read=frozenset(
+                number
+                for number, digits in self._digits.items()
+                if not state.conclusions.keys().isdisjoint(digits)
+            ),
         )
 
     def _view(self, simulation: Simulation) -> StateView:

@@ -139,6 +139,8 @@ class Robot:
 
 ROBOT = Robot()
 """The robot of the paper."""
+USUAL_ROBOT = "the paper's gripper and mount"
+"""Its gripper and mount in words, where `other_robot` is empty."""
 
 
 @cache
@@ -156,6 +158,12 @@ def robot_with(gripper: str, mount: str = DEFAULT_MOUNT) -> Robot:
         found = GRIPPERS[gripper]
     check_known("mount", mount, MOUNTS)
     return Robot(gripper=found, mount=MOUNTS[mount])
+
+
+def other_robot(gripper: str, mount: str) -> str:
+    """Return what is not the paper's of a gripper and a mount, in a word; empty for neither."""
+    usual = {gripper: DEFAULT_GRIPPER, mount: DEFAULT_MOUNT}
+    return " ".join(given for given, default in usual.items() if given != default)
 
 
 def _turns(angles: Array) -> Array:

@@ -1,8 +1,9 @@
-"""The model of a Franka Hand: two fingers on slides, built of boxes of its published dimensions.
+"""The model of a Franka Hand: two fingers on slides.
 
-Frames, masses and inertias are those of MuJoCo Menagerie's `franka_emika_panda` (Apache-2.0), the
-boxes of a finger those of the manufacturer's robot description (Apache-2.0). In the hand's frame z
-points out of the flange, and the fingers open along y.
+Frames, masses, inertias and images are those of MuJoCo Menagerie's `franka_emika_panda`
+(Apache-2.0). Contacts have boxes of published dimensions, those of a finger by the manufacturer's
+robot description (Apache-2.0). In the hand's frame z points out of the flange, and the fingers open
+along y.
 """
 
 import math
@@ -11,27 +12,28 @@ import mujoco
 
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
-from duobench.world.objects.shapes import hull
+from duobench.world.objects.shapes import Colour, hull
 from duobench.world.objects.solid import manifold_of, mesh_of
 from duobench.world.robot.fr3_links import WHITE, Link
 from duobench.world.robot.gripper import Gripper
 from duobench.world.scene.fingers import add_motor, add_pad
-from duobench.world.scene.meshes import FLAT, add_link, add_visual_mesh
+from duobench.world.scene.meshes import FLAT, add_link, add_mesh, add_visual_mesh
 from duobench.world.scene.naming import gripper_name
 from duobench.world.scene.surfaces import (
+    COLLISION_GEOM_GROUP,
     CONTACT_SOLIMP,
     CONTACT_SOLREF,
     DISTAL,
-    VISUAL_GEOM_GROUP,
     add_box,
-    collide_as_metal,
+    collide_unseen,
+    visual_only,
 )
 
 SERVO_BAND = 0.002
 """Error of the gap in metres from which on the full force acts."""
 ARMATURE = 0.15
 """Inertia of motor and belt in kg, as one finger moves it (estimated)."""
-_DARK = (0.25, 0.25, 0.25, 1.0)
+_METAL = (0.70, 0.71, 0.72, 1.0)
 _RUBBER = (0.15, 0.15, 0.15, 1.0)
 
 _PALM = (
@@ -95,13 +97,11 @@ def add_gripper(
     name = "franka_hand/palm"
     if spec.mesh(name) is None:
         add_visual_mesh(spec, name, mesh_of(manifold_of(hull(_PALM))), crease=FLAT)
-    palm = base.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=WHITE, density=0.0
-    )
-    palm.group = VISUAL_GEOM_GROUP
-    collide_as_metal(palm, DISTAL[side])
+    _add_image(spec, base, "hand", WHITE)
+    palm = base.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+    collide_unseen(palm, DISTAL[side])
     for finger, turn in zip(gripper.fingers, (math.pi, 0.0), strict=True):
-        _add_finger(gripper, side, finger, SE3.at(z=FINGER_Z, yaw=turn), base)
+        _add_finger(spec, gripper, side, finger, SE3.at(z=FINGER_Z, yaw=turn), base)
     force = gripper.force
     add_motor(
         spec,
@@ -114,7 +114,16 @@ def add_gripper(
     )
 
 
+def _add_image(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, rgba: Colour
+) -> None:
+    image = add_mesh(spec, body, f"franka_hand/{name}:visual")
+    image.rgba = rgba
+    visual_only(image)
+
+
 def _add_finger(
+    spec: mujoco.MjSpec,
     gripper: Gripper,
     side: Side,
     finger: str,
@@ -136,11 +145,12 @@ def _add_finger(
         solref_limit=CONTACT_SOLREF,
         solimp_limit=CONTACT_SOLIMP,
     )
+    _add_image(spec, body, "finger", _METAL)
+    _add_image(spec, body, "tip", _RUBBER)
     for at, size in _BOXES:
-        box = add_box(body, at, size, _DARK)
-        collide_as_metal(box, DISTAL[side])
+        collide_unseen(add_box(body, at, size, _METAL), DISTAL[side])
     tip = body.add_body(name=f"{prefix}_{gripper.pad}", gravcomp=1.0)
     for height in TIPS:
         at = (0.0, TIP_SIZE[1], height)
         box = add_pad(tip, side, TIP_SIZE, at, _TIP_MASS, _RUBBER)
-        box.group = VISUAL_GEOM_GROUP
+        box.group = COLLISION_GEOM_GROUP

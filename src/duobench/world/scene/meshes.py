@@ -20,7 +20,7 @@ FILE = "robot_meshes.npz"
 """The data, uncompressed, since wheels compress what they hold: `names` (k,), `counts` (k, 2) of
 vertices and triangles, and one mesh after the other `points` (n, 3) on the grid and `faces` (m, 3).
 """
-SHA256 = "7cd47c255525a51cfe7898444b8bfdd7ba26895a2fb3855dec25d0bfafb0b449"
+SHA256 = "b8ced2acb968ff971480e7dd368582c8547954e715020fc49b877c062a46f934"
 """Digest of the file: any other bytes are rejected: they are another robot."""
 POINTS_PER_METRE = 100_000
 """Grid of the coordinates, which are kept as whole numbers."""

@@ -1,4 +1,4 @@
-"""The model of `robot.gripper`: one Robotiq 2F-85 with its closed linkage.
+"""The model of a Robotiq 2F-85 with its closed linkage.
 
 Link frames, inertias, linkage constraints and contact parameters of the pads are those of MuJoCo
 Menagerie's `robotiq_2f85_v4` (BSD-2-Clause). In the gripper's own frame z points out of the flange

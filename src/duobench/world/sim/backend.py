@@ -109,18 +109,18 @@ class SimBackend:
     def command(self, command: DuoCommand) -> DuoCommand:
         """Advance one control step towards a command, limited where the arms keep slower limits.
 
-        While the arms are held, they stay at the last one, and between the steps in which grippers
-        take a target, they keep theirs.
+        While the arms are held, they stay at the last one. Between the steps in which grippers
+        take a target they keep theirs, though another one was sent.
         """
         if self._held is not None:
             command = self.last_command
         elif self._slower is not None:
             duo = self.simulation.duo
             command = DuoCommand.from_flat(duo.clipped(command.flat, self._slower))
+        openings = command.openings
         if not self.robot.gripper.takes_target(round(self.time * CONTROL_HZ)):
             openings = self.last_command.openings
-            command = DuoCommand(joints=command.joints, openings=openings)
-        self.simulation.advance(command)
+        self.simulation.advance(DuoCommand(joints=command.joints, openings=openings))
         return command
 
     @property

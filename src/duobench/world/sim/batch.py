@@ -156,6 +156,9 @@ class SimulationBatch(Questions):
             self._memo[key] = np.ascontiguousarray(array[:, row].T)
         return self._memo[key]
 
+    def _number(self, array: Array, place: int) -> Array:
+        return self._numbers(array, place)
+
     def _lowest(
         self,
         prop: str,

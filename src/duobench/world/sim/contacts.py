@@ -203,8 +203,6 @@ class Contacts(ContactOwners):
         """Frame (9,) of each contact: a view of the engine's."""
         self._pairs: list[list[int]] = []
         self._distances: list[float] = []
-        self._grasped: dict[tuple[Side, int], bool] = {}
-        """Answers of `grasped` since the last update; several questions ask the same."""
         self._solved = False
         """Whether contacts have forces: the engine finds contacts first."""
         self._pads = {
@@ -241,7 +239,6 @@ class Contacts(ContactOwners):
                 touching.append(0)
         self._partners, self._touching = partners, touching
         self._frames = contact.frame
-        self._grasped.clear()
         self._solved = False
 
     def pair(self, touch: Touch) -> Pair:
@@ -250,10 +247,18 @@ class Contacts(ContactOwners):
             [self._index[other] for other in touch.others]
         )
 
-    def are_touching(self, pairs: Iterable[Pair]) -> list[bool]:
-        """Whether the first owner of each pair is in contact with one of the others."""
+    def is_touching(self, pair: Pair) -> bool:
+        """Whether the first owner of a pair is in contact with one of the others."""
+        row, group = pair
+        return self._partners[row] & group != 0
+
+    def are_touching(self, pairs: Iterable[tuple[Pair, bool]]) -> bool:
+        """Whether each of these pairs touches, or does not, as is said of it."""
         partners = self._partners
-        return [partners[row] & group != 0 for row, group in pairs]
+        for (row, group), touching in pairs:  # noqa: SIM110 - a generator takes longer
+            if (partners[row] & group != 0) is not touching:
+                return False
+        return True
 
     def partners(self, owner: str) -> frozenset[str]:
         """All owners in contact with one."""
@@ -376,16 +381,10 @@ class Contacts(ContactOwners):
         row, fingers = self._index[owner], self._fingers[side]
         if self._partners[row] & fingers != fingers:
             return False
-        answer = self._grasped.get((side, row))
-        if answer is None:
-            answer = self._grasped[side, row] = self._grasps(side, row)
-        return answer
-
-    def _grasps(self, side: Side, row: int) -> bool:
         one, other, _, _ = self._limbs[side]
-        (left_x, left_y, left_z), (right_x, right_y, right_z) = self._pads[
-            side
-        ].tolist()
+        left, right = self._pads[side].tolist()
+        left_x, left_y, left_z = left
+        right_x, right_y, right_z = right
         x = right_x - left_x
         y = right_y - left_y
         z = right_z - left_z

@@ -73,6 +73,10 @@ class Questions(ABC):
         """The numbers in a row of one of the engine's arrays."""
 
     @abstractmethod
+    def _number(self, array: Array, place: int) -> Any:
+        """The number at a place of one of the engine's flat arrays."""
+
+    @abstractmethod
     def _lowest(
         self,
         prop: str,
@@ -154,7 +158,7 @@ class Questions(ABC):
 
     def angle(self, hinge: str) -> Any:
         """Angle of a hinge in radians."""
-        return self._numbers(self._qpos, self._hinges[hinge][1])
+        return self._number(self._qpos, self._hinges[hinge][1])
 
     def hinge_axis(self, hinge: str) -> HingeAxis:
         """Axis of a hinge now, in the table frame."""

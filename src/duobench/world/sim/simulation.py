@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import repeat
 from typing import Any, NoReturn
 
 import mujoco
@@ -168,7 +167,9 @@ class Simulation(Questions):
         self.contacts = Contacts(self.model, self.data, robot.gripper)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
-        self._places: dict[tuple[str, ...], tuple[list[Places], list[Places]]] = {}
+        self._places: dict[int, tuple[tuple[str, ...], list[Places], list[Places]]] = {}
+        """Names of many props, and places of their positions and velocities, by the names'
+        identity: to hash them takes longer than what the places are for."""
         self._positions = self.data.xpos.reshape(-1)
         self._few = {
             name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS
@@ -394,6 +395,9 @@ class Simulation(Questions):
     def _numbers(self, array: Array, row: int | slice) -> Any:
         return array[row].tolist()
 
+    def _number(self, array: Array, place: int) -> float:
+        return array.item(place)
+
     def chosen(
         self, choice: str, rows: Mapping[str, Sequence[float]]
     ) -> Sequence[float]:
@@ -420,23 +424,27 @@ class Simulation(Questions):
             low: Bottom of the cylinder, in metres.
             high: Top of the cylinder, in metres.
         """
-        places, _ = self._places_of(props)
-        xs, ys, zs = [self._positions[column].tolist() for column in places]
-        origin = ox, oy, oz = self.origin(vessel)
-        xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(vessel)
-        far = math.hypot(radius, max(abs(low), abs(high))) + CLEARLY
-        near = radius - CLEARLY
+        _, places, _ = self._places_of(props)
+        row = self._bodies[vessel]
+        ox, oy, oz = self._xpos[row].tolist()
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[row].tolist()
+        middle = (low + high) / 2
+        centre = ox + middle * xz, oy + middle * yz, oz + middle * zz
+        far = math.hypot(radius, high - middle) + CLEARLY
+        columns: list[list[float]] = []
+        for place, at in zip(places, centre, strict=True):
+            column = self._positions[place].tolist()
+            if min(column) > at + far or max(column) < at - far:
+                return {}  # all are beside a ball around the cylinder
+            columns.append(column)
+        near = (radius - CLEARLY) ** 2
         found: dict[int, float] = {}
-        points = zip(xs, ys, zs, strict=True)
-        for number, distance in enumerate(map(math.dist, points, repeat(origin))):
-            if distance > far:
-                continue
-            x = xs[number] - ox
-            y = ys[number] - oy
-            z = zs[number] - oz
+        points = zip(*columns, strict=True)
+        for number, (px, py, pz) in enumerate(points):
+            x, y, z = px - ox, py - oy, pz - oz
             up = xz * x + yz * y + zz * z
             if low <= up <= high and (
-                distance < near
+                x * x + y * y + z * z < near
                 or math.hypot(xx * x + yx * y + zx * z, xy * x + yy * y + zy * z)
                 <= radius
             ):
@@ -459,23 +467,23 @@ class Simulation(Questions):
             limit: Speed in m/s.
             within: How far from its origin they are at most, in metres.
         """
-        _, places = self._places_of(props)
-        ox, oy, oz, wx, wy, wz = self._velocity(frame)
-        xs, ys, zs = [self._qvel[column].tolist() for column in places]
-        fastest = math.hypot(
-            max(max(xs) - ox, ox - min(xs)),
-            max(max(ys) - oy, oy - min(ys)),
-            max(max(zs) - oz, oz - min(zs)),
-        )
-        return fastest + math.hypot(wx, wy, wz) * within < limit - CLEARLY
+        _, _, places = self._places_of(props)
+        velocity = self._velocity(frame)
+        fastest = math.hypot(*velocity[3:]) * within
+        for place, along in zip(places, velocity[:3], strict=True):
+            column = self._qvel[place].tolist()
+            fastest += max(max(column) - along, along - min(column))
+        return fastest < limit - CLEARLY
 
-    def _places_of(self, props: tuple[str, ...]) -> tuple[list[Places], list[Places]]:
-        """Places of x, y and z of positions, and of velocities, of free props."""
-        found = self._places.get(props)
+    def _places_of(
+        self, props: tuple[str, ...]
+    ) -> tuple[tuple[str, ...], list[Places], list[Places]]:
+        """Names of free props, and places of x, y and z of positions and of velocities."""
+        found = self._places.get(id(props))
         if found is None:
             bodies = [3 * self.body_id(name) for name in props]
             dofs = [self._dofs[name] for name in props]
-            found = self._places[props] = _columns(bodies), _columns(dofs)
+            found = self._places[id(props)] = props, _columns(bodies), _columns(dofs)
         return found
 
     def height_bounds(self, prop: str) -> tuple[float, float] | None:

@@ -29,6 +29,9 @@ def run(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> None
     known, arm = Rig.read(rig_file(rig)), Side(side)
     config = known.grippers[arm]
     driver = load_driver("grippers", config.driver)
+    if hasattr(driver, "knows_ends"):
+        say(f"Nothing is measured for the {side} gripper: {driver.knows_ends}.")
+        return
     if not hasattr(driver, "measure_ends"):
         raise AdvisedError(
             f"The {side} gripper of this rig has no positions to measure."

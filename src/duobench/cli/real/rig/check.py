@@ -12,6 +12,7 @@ from duobench.cli.shared.console import say
 from duobench.cli.shared.rigs import known_rig
 from duobench.core.types import ARM_JOINTS, Side
 from duobench.real.addresses import share_subnet
+from duobench.real.catalog import load_driver
 from duobench.real.guard import Guard
 from duobench.real.rig import (
     ArmConfig,
@@ -97,10 +98,11 @@ def _arm(side: Side, arm: ArmConfig) -> Iterable[str]:
 
 
 def _gripper(side: Side, gripper: GripperConfig, kind: Gripper) -> str:
+    is_measured = hasattr(load_driver("grippers", kind.driver), "measure_ends")
+    ends = f"; open at {gripper.open_count}, closed at {gripper.closed_count}"
     return (
         f"{side.capitalize()} gripper: {_device(gripper.driver, gripper.port)}, "
-        f"{gripper.newtons(kind):.0f} N, {gripper.mm_per_s(kind):.0f} mm/s; "
-        f"open at {gripper.open_count}, closed at {gripper.closed_count}"
+        f"{gripper.newtons(kind):.0f} N, {gripper.mm_per_s(kind):.0f} mm/s{ends * is_measured}"
     )
 
 

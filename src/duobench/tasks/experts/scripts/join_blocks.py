@@ -31,6 +31,10 @@ from duobench.world.objects.joint_blocks import (
 _BARS = {Side.LEFT: "light_block", Side.RIGHT: "dark_block"}
 _TILTS = {Side.LEFT: math.radians(20.0), Side.RIGHT: math.radians(-20.0)}
 """How far each hand leans back; much more is out of reach for a bar that lies close."""
+_SHORT = 0.03
+"""How much shorter than usual hands are, in metres, whose forearms would meet."""
+_SHORT_TILTS = {Side.LEFT: math.radians(45.0), Side.RIGHT: math.radians(-20.0)}
+"""How far these lean: at 20 degrees their forearms would be 17 mm in each other."""
 _GRASP_X = {Side.LEFT: -0.012, Side.RIGHT: 0.0}
 """Grasp of each hand along its bar, in metres from the middle."""
 _GRASP_HEIGHT = 0.026
@@ -84,7 +88,7 @@ def _take(arms: Arms, side: Side) -> Script:
         y,
         _GRASP_HEIGHT,
         yaw=pose.yaw,
-        tilt=_TILTS[side],
+        tilt=(_SHORT_TILTS if arms.shorter > _SHORT else _TILTS)[side],
     )
     yield from pick(
         arms,

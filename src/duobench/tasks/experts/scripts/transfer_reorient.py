@@ -20,6 +20,8 @@ from duobench.tasks.experts.handover import (
 )
 from duobench.tasks.experts.motion import (
     NEAR,
+    SPEED,
+    TURN_SPEED,
     Arms,
     Script,
     move,
@@ -58,6 +60,8 @@ def script(arms: Arms) -> Script:
     yield from move(
         arms,
         meeting,
+        speed=SPEED * arms.firmness,
+        turn_speed=TURN_SPEED * arms.firmness,
         tolerance=NEAR,
         freedom=BAR.freedom,
     )
