@@ -188,11 +188,13 @@ OFFERED = """
     duobench.web.messages
     duobench.world.kinematics.inverse
     duobench.world.looks.look
+    duobench.world.robot.camera_geometry
     duobench.world.robot.cameras
     duobench.world.robot.frames
     duobench.world.robot.gripper
     duobench.world.robot.joints
     duobench.world.robot.mounts
+    duobench.world.sim.backend
     duobench.world.sim.simulation
 """
 """Modules beside those packages that docs, examples and plugins may import from; every other one is

@@ -23,7 +23,8 @@ from demonstrations import (
 from frames import features
 
 from duobench.policy import PolicyMetadata
-from duobench.world.robot.frames import robot_with
+from duobench.world.robot.frames import other_robot, robot_with
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 HORIZON = 30
 """Actions that are played of each demonstration."""
@@ -54,6 +55,7 @@ class Nearest:
             cameras=(),
             object_state=True,
             action_mode=action_mode(self._data.labels),
+            robot=other_robot(self._data.gripper, DEFAULT_MOUNT),
             horizon=HORIZON,
             version=hashlib.sha256(self._seen.tobytes()).hexdigest()[:16],
         )

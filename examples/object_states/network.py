@@ -37,8 +37,9 @@ from numpy.typing import NDArray
 from duobench.core.errors import DataError, DuoBenchError, PolicyError
 from duobench.core.types import SIDES
 from duobench.policy import PolicyMetadata
-from duobench.world.robot.frames import robot_with
+from duobench.world.robot.frames import other_robot, robot_with
 from duobench.world.robot.gripper import DEFAULT_GRIPPER
+from duobench.world.robot.mounts import DEFAULT_MOUNT
 
 HORIZON, WIDTH, BLOCKS = 30, 256, 3
 KNOTS = (0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 29)
@@ -295,6 +296,7 @@ class Network:
             cameras=(),
             object_state=True,
             action_mode=about["mode"],
+            robot=other_robot(gripper, DEFAULT_MOUNT),
             horizon=HORIZON,
             version=hashlib.sha256(path.read_bytes()).hexdigest()[:16],
         )

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from sight import SIZES
 
 import duobench
-from duobench.core.backend import RGB
 from duobench.core.errors import DataError
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.types import SIDES, DuoCommand
@@ -144,7 +143,7 @@ def _rendered(shown: Callable[[], Iterator[Simulation]], count: int) -> list[Pix
     backend = None
     for place, simulation in enumerate(shown()):
         backend = backend or SimBackend(simulation)
-        seen = backend.images_by_kind({RGB: dict(SIZES)})[RGB]
+        seen = backend.images_by_kind({"rgb": dict(SIZES)})["rgb"]
         for camera, image in zip(SIZES, images, strict=True):
             image[place] = seen[camera]
     if backend:

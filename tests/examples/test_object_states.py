@@ -398,6 +398,7 @@ def test_a_network_knows_the_gripper_that_it_learned_with(
     nearest, played = (eleven.read(tmp_path / f"{name}.npz") for name in ("nearest", "net"))
     assert nearest._data.gripper == "franka_hand"
     assert played._robot == robot_with("franka_hand")
+    assert {one.metadata.robot for one in (nearest, played)} == {"franka_hand"}
     monkeypatch.setenv("GRIPPER", "robotiq_2f85")
     assert network.Network(tmp_path / "net.npz")._robot == robot_with("robotiq_2f85")
 
