@@ -98,11 +98,12 @@ def _arm(side: Side, arm: ArmConfig) -> Iterable[str]:
 
 
 def _gripper(side: Side, gripper: GripperConfig, kind: Gripper) -> str:
-    is_measured = hasattr(load_driver("grippers", kind.driver), "measure_ends")
-    ends = f"; open at {gripper.open_count}, closed at {gripper.closed_count}"
+    ends = ""
+    if hasattr(load_driver("grippers", kind.driver), "measure_ends"):
+        ends = f"; open at {gripper.open_count}, closed at {gripper.closed_count}"
     return (
         f"{side.capitalize()} gripper: {_device(gripper.driver, gripper.port)}, "
-        f"{gripper.newtons(kind):.0f} N, {gripper.mm_per_s(kind):.0f} mm/s{ends * is_measured}"
+        f"{gripper.newtons(kind):.0f} N, {gripper.mm_per_s(kind):.0f} mm/s{ends}"
     )
 
 
