@@ -574,7 +574,7 @@ def kill_this_process(*_: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.usefixtures("example", "checkpoint")
 def test_a_network_that_sees_images_is_trained_and_played(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
