@@ -11,14 +11,17 @@ import io
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dev.tools.fine_meshes import Recipe, published_files, reduced, surface
 from dev.tools.meshes import missing
-from duobench.core.types import Array
 from duobench.world.scene import meshes
 
+Image = tuple[NDArray[Any], NDArray[Any]]
+"""Vertices (n, 3) and triangles (m, 3), in whole numbers."""
 DIGESTS = Path(__file__).with_suffix(".sha256")
 """SHA-256 and name of every published file, in the format of `sha256sum`."""
 RECIPES: tuple[Recipe, ...] = (
@@ -39,19 +42,22 @@ ERROR_MM = 2.5
 have about a thousand triangles then, as the other gripper."""
 
 
-def made(files: Mapping[str, bytes]) -> dict[str, tuple[Array, Array]]:
+def made(files: Mapping[str, bytes]) -> dict[str, Image]:
     """Vertices on the grid and triangles of each image, by its name."""
-    found: dict[str, tuple[Array, Array]] = {}
+    found: dict[str, Image] = {}
     for recipe in RECIPES:
         few = reduced(surface(recipe, files), ERROR_MM)
         for number, (image, _) in enumerate(few.keys):
             corners = few.corners[few.parts == number].reshape(-1, 3)
             vertices, index = np.unique(corners, axis=0, return_inverse=True)
-            found[image] = vertices, index.reshape(-1, 3)
+            found[image] = (
+                vertices.astype(np.int32),
+                index.reshape(-1, 3).astype(np.int32),
+            )
     return found
 
 
-def with_hand(data: bytes, images: Mapping[str, tuple[Array, Array]]) -> bytes:
+def with_hand(data: bytes, images: Mapping[str, Image]) -> bytes:
     """The shipped file, from the one before, with these images in place of those of that name."""
     with np.load(io.BytesIO(data)) as file:
         before = dict(file)
@@ -61,15 +67,17 @@ def with_hand(data: bytes, images: Mapping[str, tuple[Array, Array]]) -> bytes:
         np.split(before["faces"], ends[:, 1]),
         strict=True,
     )
-    found = dict(zip(before["names"].tolist(), pairs, strict=True)) | images
-    arrays = {
-        "counts": [(len(points), len(faces)) for points, faces in found.values()],
-        "points": np.concatenate([points for points, _ in found.values()]),
-        "faces": np.concatenate([faces for _, faces in found.values()]),
-    }
+    found: dict[str, Image] = dict(zip(before["names"].tolist(), pairs, strict=True))
+    found.update(images)
+    counts = [(len(points), len(faces)) for points, faces in found.values()]
     content = io.BytesIO()
-    whole = {name: np.array(array, dtype=np.int32) for name, array in arrays.items()}
-    np.savez(content, names=np.array([*found]), **whole)
+    np.savez(
+        content,
+        names=np.array([*found]),
+        counts=np.array(counts, dtype=np.int32),
+        points=np.concatenate([points for points, _ in found.values()]),
+        faces=np.concatenate([faces for _, faces in found.values()]),
+    )
     return content.getvalue()
 
 
