@@ -59,12 +59,16 @@ class Demonstrations:
     """Row (T,) of its recording that each row is; files of policies may lack it."""
     gripper: str = DEFAULT_GRIPPER
     """What was on the arms."""
+    columns: tuple[int, ...] = ()
+    """Which numbers of the task's object state these are."""
 
     @staticmethod
     def load(
         folder: Path, episodes: int | None = None, until: str = "end"
     ) -> Demonstrations:
         """Read the first episodes of an export, or all of them, up to one of `UNTIL`.
+
+        How fast things move is left out: no single image shows it.
 
         Raises:
             DataError: The folder holds no such export, or fewer episodes.
@@ -90,53 +94,30 @@ class Demonstrations:
             ends = ends if until == "success" else _last_openings(labels, number)
             kept &= _up_to_first(ends, number)
         state, objects, labels = state[kept], objects[kept], labels[kept]
-        names = feature_names(info, OBJECT_STATE) or []
+        named = feature_names(info, OBJECT_STATE) or []
+        columns = [n for n, name in enumerate(named) if "_velocity_" not in name]
         lengths = np.unique(number[kept], return_counts=True)[1]
         about = json.loads((folder / "meta/duobench.json").read_text())
         gripper = about.get("robot") or DEFAULT_GRIPPER
-        parts = state, objects, labels, lengths, tuple(names), recorded[kept]
-        return Demonstrations(*parts, gripper)
+        return Demonstrations(
+            state,
+            objects[:, columns],
+            labels,
+            lengths,
+            tuple(named[n] for n in columns),
+            recorded[kept],
+            gripper,
+            tuple(columns),
+        )
 
     def __add__(self, other: Demonstrations) -> Demonstrations:
         """Those of the other one behind these."""
         columns = ("state", "objects", "labels", "lengths", "recorded")
-        state, objects, labels, lengths, recorded = (
-            np.concatenate([getattr(self, name), getattr(other, name)])
+        both = {
+            name: np.concatenate([getattr(self, name), getattr(other, name)])
             for name in columns
-        )
-        parts = state, objects, labels, lengths, self.names, recorded
-        return Demonstrations(*parts, self.gripper)
-
-    def still(self) -> Demonstrations:
-        """The same without what no single image shows: how fast things move."""
-        moves = np.array(["_velocity_" in name for name in self.names])
-        return replace(self, objects=np.where(moves, 0, self.objects))
-
-    def split(self, every: int) -> tuple[Demonstrations, Demonstrations]:
-        """Those to learn from, and every n-th one, by which is seen whether that goes on."""
-        held = self.held_out(every)
-        rows = np.repeat(held, self.lengths)
-        return self._only(~rows, ~held), self._only(rows, held)
-
-    def held_out(self, every: int) -> NDArray[np.bool_]:
-        """Which episodes are every n-th one.
-
-        Raises:
-            DataError: There are too few.
-        """
-        if len(self.lengths) < every:
-            raise DataError(
-                f"One demonstration in {every} is held out, so that as many are needed at least; "
-                f"got {len(self.lengths)}."
-            )
-        return np.arange(len(self.lengths)) % every == every - 1
-
-    def _only(
-        self, rows: NDArray[np.bool_], episodes: NDArray[np.bool_]
-    ) -> Demonstrations:
-        parts = (part[rows] for part in (self.state, self.objects, self.labels))
-        lengths, recorded = self.lengths[episodes], self.recorded[rows]
-        return Demonstrations(*parts, lengths, self.names, recorded, self.gripper)
+        }
+        return replace(self, **both)
 
     def chunks(self, horizon: int) -> NDArray[np.int64]:
         """Rows of the chunk (T, horizon) that begins in each row; the last row is held."""

@@ -4,11 +4,9 @@
 on object states acts on it. Object states are what it learns to see by, in training alone: those of
 demonstrations, and of layouts at rest under arms that are anywhere. PyTorch trains and plays it.
 
-    python network.py exports/carry_pot acts.npz --episodes 200 --seed 0 --still
+    python network.py exports/carry_pot acts.npz --episodes 200 --seed 0
     python images.py demos exports/carry_pot acts.npz sees.npz --episodes 200 --seed 0
     CHECKPOINT=sees.npz duobench eval --policy images:Images --tasks carry_pot --out runs/images
-
-`--still` keeps from what acts how fast things move, which no single image shows.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +25,7 @@ from demonstrations import Demonstrations, Rows
 from frames import QUARTERS, bodies, frames
 from numpy.typing import NDArray
 from pictures import Pictures, at_rest, watch
+from rays import Points, Usual, meet
 from sight import SIZES, Sight, places_of_cameras
 
 from duobench.core.errors import DataError, DuoBenchError, PolicyError
@@ -37,8 +36,9 @@ from duobench.world.robot.frames import robot_with
 EARLY = 10
 """The n-th row of an episode is drawn with a weight of 1 / (n + `EARLY`): what is seen in the first
 ones decides where hands go, and many later ones look alike."""
-SIGHT = "sight."
+SIGHT, USUAL = "sight.", "usual."
 """What names of its arrays begin with in the file of a network."""
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,7 @@ class Kinds:
         first = np.repeat(np.cumsum(data.lengths) - data.lengths, data.lengths)
         still = (data.objects == data.objects[first]).all(0)
         whole = (data.objects == data.objects.round()).all(0)
-        places = [data.names.index(f"{body}_x") for body in bodies(data.names)]
-        places = [slice(x, x + 3) for x in places]
+        places = places_in(data.names)
         axes = [part for _, x, z in _axes(data.names) for part in (x, z)]
         known = {n for part in places + axes for n in range(part.start, part.stop)}
         vary = (data.objects != data.objects[0]).any(0)
@@ -101,18 +100,33 @@ def shown(objects: Rows, names: tuple[str, ...]) -> Rows:
     return np.hstack([seen, *quarters])
 
 
+def rotations(seen: Rows, names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Rotations (T, K, 3, 3) of objects whose axes were seen (T, k), those that point forwards."""
+    turns = np.tile(np.eye(3), (len(seen), len(bodies(names)), 1, 1))
+    for k, x, z in _axes(names):
+        up = seen[:, z] / np.linalg.norm(seen[:, z], axis=1, keepdims=True)
+        ahead = seen[:, x] - (seen[:, x] * up).sum(1, keepdims=True) * up
+        ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+        turns[:, k - len(SIDES)] = np.stack([ahead, np.cross(up, ahead), up], axis=-1)
+    return turns
+
+
 def recognized(seen: Rows, names: tuple[str, ...]) -> Rows:
     """Object states (T, n) of what was seen of them (T, k)."""
     objects, quarters = seen[:, : len(names)].copy(), seen[:, len(names) :]
-    for nth, (_, x, z) in enumerate(_axes(names)):
-        up = objects[:, z] / np.linalg.norm(objects[:, z], axis=1, keepdims=True)
-        ahead = objects[:, x] - (objects[:, x] * up).sum(1, keepdims=True) * up
-        ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-        aside = np.cross(up, ahead)
+    turns = rotations(seen, names)
+    for nth, (k, x, z) in enumerate(_axes(names)):
+        ahead, aside, up = np.moveaxis(turns[:, k - len(SIDES)], -1, 0)
         turn = quarters[:, QUARTERS * nth : QUARTERS * (nth + 1)].argmax(1)
         objects[:, x] = np.choose(turn, (ahead.T, aside.T, -ahead.T, -aside.T)).T
         objects[:, z] = up
     return objects
+
+
+def places_in(names: tuple[str, ...]) -> list[slice]:
+    """Where the places of objects stand."""
+    first = [names.index(f"{body}_x") for body in bodies(names)]
+    return [slice(x, x + 3) for x in first]
 
 
 def _axes(names: tuple[str, ...]) -> list[tuple[int, slice, slice]]:
@@ -126,12 +140,19 @@ def _axes(names: tuple[str, ...]) -> list[tuple[int, slice, slice]]:
     return found
 
 
-def turned(objects: Rows, names: tuple[str, ...]) -> list[torch.Tensor]:
-    """Positions (T, K, 3) and rotations (T, K, 3, 3) of objects with axes, turned forwards."""
+def poses(objects: Rows, names: tuple[str, ...]) -> tuple[Array, Array]:
+    """Places (T, K, 3) and rotations (T, K, 3, 3) of objects, turned forwards."""
     here = frames(np.zeros((len(objects), 16), np.float32), objects, names)
-    things = [k for k, _, _ in _axes(names)]
-    parts = here.positions[:, things], here.rotations[:, things]
-    return [torch.from_numpy(part).float() for part in parts]
+    things = slice(len(SIDES), -1)
+    return here.positions[:, things], here.rotations[:, things]
+
+
+def on_patches(
+    places: Array, turns: Array, names: tuple[str, ...]
+) -> list[torch.Tensor]:
+    """The poses of objects with axes: patches are laid on them."""
+    things = [k - len(SIDES) for k, _, _ in _axes(names)]
+    return [torch.from_numpy(part[:, things]).float() for part in (places, turns)]
 
 
 def check(acts: Path, data: Demonstrations) -> None:
@@ -202,7 +223,8 @@ def train(
             print(f"step {k + 1} of {steps}: {told}", flush=True)
     sight = {f"{SIGHT}{k}": v.cpu().numpy() for k, v in net.state_dict().items()}
     chosen = np.array(rows.kinds.chosen, dtype=np.int64)
-    np.savez(out, **dict(np.load(acts)) | sight, chosen=chosen)
+    usual = {f"{USUAL}{k}": part for k, part in asdict(rows.usual).items()}
+    np.savez(out, **dict(np.load(acts)) | sight | usual, chosen=chosen)
     told = {"passes": how.passes, "steps": steps, "images": len(pictures.state)}
     return told | rows.told(Images(out))
 
@@ -215,13 +237,18 @@ class _Rows:
         self._pictures, self._device = pictures, device
         self._held = np.flatnonzero(pictures.held)
         self.learned = np.flatnonzero(~pictures.held)
-        self._shares = 1.0 / torch.from_numpy(pictures.before[self.learned] + EARLY)
+        self._early = 1.0 / torch.from_numpy(pictures.before[self.learned] + EARLY)
         seen = shown(pictures.objects, data.names)
         self.scale = {"o_mean": seen.mean(0), "o_scale": seen.std(0) + network.LEAST}
         self._seen = torch.from_numpy(seen)
         robot = robot_with(data.gripper)
         self._cameras = torch.from_numpy(places_of_cameras(pictures.state, robot))
-        self._turned = turned(pictures.objects, data.names)
+        there = poses(pictures.objects, data.names)
+        points = Points.of(data.names)
+        self._points = torch.from_numpy(points.at(*there)).float()
+        self._shares = torch.from_numpy(points.shares()).float().to(device)
+        self._patches = on_patches(*there, data.names)
+        self.usual = Usual.of(there[0][self.learned])
 
     def sight(self) -> Sight:
         """A network that sees them."""
@@ -229,7 +256,7 @@ class _Rows:
 
     def drawn(self, count: int) -> NDArray[np.int64]:
         """Some rows to learn from."""
-        drawn = torch.multinomial(self._shares, count, replacement=True)
+        drawn = torch.multinomial(self._early, count, replacement=True)
         return self.learned[drawn.numpy()]
 
     def images(self, rows: NDArray[np.int64]) -> list[torch.Tensor]:
@@ -240,25 +267,26 @@ class _Rows:
     def losses(self, net: Sight, rows: NDArray[np.int64]) -> dict[str, torch.Tensor]:
         """Errors of some rows by kind: how surprising pixels are, and in standard deviations."""
         kinds, images = self.kinds, self.images(rows)
-        cameras, seen = (
-            one[rows].to(self._device) for one in (self._cameras, self._seen)
+        cameras, points, seen = (
+            one[rows].to(self._device)
+            for one in (self._cameras, self._points, self._seen)
         )
-        found, maps = net(images, cameras)
-        there = net.pixels(seen[:, net.places], cameras)
+        found, views = net(images)
+        there = net.pixels(points, cameras)
         wrong = [
-            eye.surprise(logs, *seen_at).mean()
-            for eye, logs, seen_at in zip(net.eyes, maps, there, strict=True)
+            (eye.surprise(view.maps, *seen_at) * self._shares).sum(1).mean()
+            for eye, view, seen_at in zip(net.eyes, views, there, strict=True)
         ]
         losses = {"pixels": torch.stack(wrong).mean()}
-        off = (found - (seen - net.o_mean) / net.o_scale).abs()
+        label = (seen - net.o_mean) / net.o_scale
+        off = (found - label).abs()
         if kinds.axes:
             losses["axes"] = torch.stack([off[:, part] for part in kinds.axes]).mean()
         if kinds.others:
             losses["others"] = off[:, kinds.others].mean()
         if kinds.chosen:
-            moved = [one[rows].to(self._device) for one in self._turned]
+            moved = [one[rows].to(self._device) for one in self._patches]
             moved = [one + network.NOISE * torch.randn_like(one) for one in moved]
-            label = (seen - net.o_mean) / net.o_scale
             read = net.read(images, cameras, *moved)
             losses["read"] = (read - label[:, net.read_there]).abs().mean()
         return losses
@@ -319,9 +347,11 @@ class Images(network.Network):
         }
         scale = {key: parts[key].numpy() for key in ("o_mean", "o_scale")}
         self._chosen = self._net["chosen"].tolist()
+        self._usual = Usual(self._net[f"{USUAL}mean"], self._net[f"{USUAL}precision"])
         self._sight = Sight(self.names, scale, self._chosen).eval()
         self._sight.load_state_dict(parts)
         self._read: list[Rows] = []
+        self._places = places_in(self.names)
         self.metadata = replace(
             self.metadata,
             name="frames of things, from images",
@@ -342,19 +372,30 @@ class Images(network.Network):
         objects = self.look(images, observation["agent_pos"][None])[0]
         self._read.append(objects[self._chosen])  # which never changes: all looks count
         objects[self._chosen] = np.mean(self._read, axis=0).round()
-        return super().act({**observation, "environment_state": objects})
+        return self.plan(observation["agent_pos"], objects)
 
     def look(self, images: Sequence[torch.Tensor], state: Rows) -> Rows:
         """Object states (B, n) as they are seen; what the layout chose is not yet whole."""
         sight = self._sight
-        cameras = torch.from_numpy(places_of_cameras(state, self._robot))
+        cameras = places_of_cameras(state, self._robot)
         with torch.no_grad():
-            seen = sight(images, cameras)[0] * sight.o_scale + sight.o_mean
+            found, views = sight(images)
+            seen = (found * sight.o_scale + sight.o_mean).numpy()
+            rays = sight.rays(views, cameras)
+            turns = rotations(seen, self.names)
+            places, turns = meet(rays, sight.points, self._usual, turns)
+            for place, part in zip(places.swapaxes(0, 1), self._places, strict=True):
+                seen[:, part] = place
+            for k, x, z in _axes(self.names):
+                turn = turns[:, k - len(SIDES)]
+                seen[:, x], seen[:, z] = turn[..., 0], turn[..., 2]
             if self._chosen:
-                there = turned(recognized(seen.numpy(), self.names), self.names)
-                columns, read = sight.read_there, sight.read(images, cameras, *there)
-                seen[:, columns] = read * sight.o_scale[columns] + sight.o_mean[columns]
-        return recognized(seen.numpy(), self.names)
+                patches = on_patches(places, turns, self.names)
+                columns = sight.read_there
+                read = sight.read(images, torch.from_numpy(cameras), *patches)
+                read = read * sight.o_scale[columns] + sight.o_mean[columns]
+                seen[:, columns] = read.numpy()
+        return recognized(seen, self.names)
 
 
 if __name__ == "__main__":
@@ -364,7 +405,7 @@ if __name__ == "__main__":
         "export", type=Path, help="what was exported of them, of one task"
     )
     parser.add_argument(
-        "acts", type=Path, help="network that network.py --still made of the same"
+        "acts", type=Path, help="network that network.py made of the same"
     )
     parser.add_argument("out", type=Path)
     parser.add_argument("--episodes", type=int)
@@ -372,7 +413,7 @@ if __name__ == "__main__":
     parser.add_argument("--device", default="cpu", help="what PyTorch trains on")
     asked = parser.parse_args()
     try:
-        demonstrations = Demonstrations.load(asked.export, asked.episodes).still()
+        demonstrations = Demonstrations.load(asked.export, asked.episodes)
         check(asked.acts, demonstrations)  # before what takes minutes
         how = Training(device=asked.device)
         images = see(asked.demos, asked.export.name, demonstrations, how.layouts)

@@ -66,10 +66,9 @@ class Nearest:
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The demonstrated chunk (30, 16) that began in the nearest state."""
-        state, objects = (
-            observation["agent_pos"][None],
-            observation["environment_state"][None],
-        )
+        columns = list(self._data.columns)
+        state = observation["agent_pos"][None]
+        objects = observation["environment_state"][None, columns]
         robot = robot_with(self._data.gripper)
         now = features(state, objects, self._data.names, robot)[0]
         now = (now - self._mean) / self._scale

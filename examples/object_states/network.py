@@ -17,7 +17,6 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +30,10 @@ from demonstrations import (
     openings,
     to_actions,
 )
-from frames import Frames, features, frames
+from frames import Frames, blurs, features, frames
+from learning import Training, learn
 from numpy.typing import NDArray
+from own_play import Trial
 
 from duobench.core.errors import DataError, DuoBenchError, PolicyError
 from duobench.core.types import SIDES
@@ -55,43 +56,29 @@ METRES = 0.1
 """Size of a position in the frame of a thing, in metres, that is a 1 for the network."""
 
 
-@dataclass(frozen=True)
-class Training:
-    """How long a network learns: until it no longer gets better on what it does not learn from."""
-
-    batch: int = 256
-    rate: float = 1e-3
-    warm_up: int = 100
-    held_out: int = 10
-    """Every n-th demonstration is not learned from."""
-    least: int = 30
-    """Passes over the demonstrations at least."""
-    most: int = 120
-    """And at most."""
-    every: int = 5
-    """Passes between two looks at the error on what is held out."""
-    better: float = 0.99
-    """It learns on while the least error falls to this share of the one before, in `patience`."""
-    patience: int = 15
-    """Passes."""
-    decay: int = 20
-    """Passes at the end, in which the learning rate falls to zero."""
-    device: str = "cpu"
-
-
 def train(
-    data: Demonstrations, out: Path, seed: int, how: Training | None = None
+    data: Demonstrations,
+    task: str,
+    out: Path,
+    seed: int,
+    how: Training | None = None,
 ) -> dict[str, Any]:
-    """Train one network with Adam on the mean absolute error, and write it to a file.
+    """Train one network on the mean absolute error, and write the one that plays best to a file.
 
     The action at the end of an episode is held, and counts, so that letting go is learned.
 
+    Args:
+        data: Demonstrations.
+        task: Their task, of which layouts of `train` are played.
+        out: The file.
+        seed: Of the numbers at the start, and the order.
+        how: How long.
+
     Returns:
-        What is told of it: passes over the demonstrations, steps, and the mean error on those held
-        out, in standard deviations of the labels.
+        What is told of it; see `learn`.
 
     Raises:
-        DataError: The actions are no tool poses, or there are too few demonstrations.
+        DataError: The actions are no tool poses.
     """
     how = how or Training()
     if action_mode(data.labels) != "cartesian":
@@ -99,62 +86,34 @@ def train(
             "The network says tool poses, and these actions are joint targets: export with "
             "--action cartesian."
         )
-    learned, held = data.split(how.held_out)
     import torch
 
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    scale = _scale(learned)
-    shown, test = (_Rows(part, scale, how.device) for part in (learned, held))
+    scale = _scale(data)
+    shown = _Rows(data, scale, how.device)
     net = module(shown.x.shape[1], shown.positions.shape[1], scale).to(how.device)
-    adam = torch.optim.AdamW(
-        net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True
-    )
-    noise = torch.from_numpy((NOISE / scale["x_scale"]).astype(np.float32)).to(
-        how.device
-    )
-    per_pass = math.ceil(len(shown.x) / how.batch)
-    steps = 0
+    about: dict[str, Any] = {"names": data.names, "columns": data.columns}
+    about |= {"openings": openings(data.labels), "gripper": data.gripper}
+    about |= {"mode": action_mode(data.labels)}
+    trial = Trial(task, how.episodes)
 
-    def learn(passes: int, fall: bool = False) -> None:
-        nonlocal steps
-        for k in range(passes * per_pass):
-            left = 1 - k / (passes * per_pass) if fall else 1.0
-            for group in adam.param_groups:
-                group["lr"] = how.rate * min(1.0, (steps + 1) / how.warm_up) * left
-            rows = torch.randint(len(shown.x), (how.batch,), device=how.device)
-            x = shown.x[rows]
-            error = shown.error(net, rows, x + noise * torch.randn_like(x)).mean()
-            adam.zero_grad()
-            error.backward()
-            adam.step()
-            steps += 1
+    def error() -> Any:
+        rows = torch.randint(len(shown.x), (how.batch,))
+        noise = torch.randn(how.batch, shown.x.shape[1]).to(how.device)
+        rows = rows.to(how.device)
+        return shown.error(net, rows, shown.x[rows] + shown.blur[rows] * noise).mean()
 
-    errors: list[float] = []
-    while not _is_over(errors, how):
-        learn(how.every)
-        errors.append(test.mean_error(net))
-    learn(how.decay, fall=True)
-    weights = {name: value.cpu().numpy() for name, value in net.state_dict().items()}
-    about = {"names": data.names, "openings": openings(data.labels)}
-    about |= {"mode": action_mode(data.labels), "gripper": data.gripper}
-    np.savez(out, about=json.dumps(about), **scale, **weights)
-    passes = len(errors) * how.every + how.decay
-    return {
-        "passes": passes,
-        "steps": steps,
-        "held_out_error": round(test.mean_error(net), 4),
-    }
+    def look(average: Any, file: Path) -> tuple[int, float]:
+        np.savez(file, about=json.dumps(about), **scale, **arrays(average))
+        return trial.score(Network(file))
+
+    return learn(net, error, how, look, out, seed)
 
 
-def _is_over(errors: list[float], how: Training) -> bool:
-    """Whether nothing was gained of late."""
-    passes, late = len(errors) * how.every, how.patience // how.every
-    if passes < how.least - how.decay:
-        return False
-    if passes >= how.most - how.decay:
-        return True
-    return min(errors[-late:]) > how.better * min(errors[:-late], default=math.inf)
+def arrays(net: Any) -> dict[str, NDArray[Any]]:
+    """The numbers of a network of PyTorch by their names."""
+    return {name: value.cpu().numpy() for name, value in net.state_dict().items()}
 
 
 def _scale(data: Demonstrations) -> dict[str, Any]:
@@ -187,8 +146,9 @@ class _Rows:
         here = frames(*now)
         seen = _normal(features(*now), scale)
         labels = (data.labels - scale["y_mean"]) / scale["y_scale"]
-        parts = (seen, here.positions, here.rotations, labels)
-        self.x, self.positions, self.rotations, self._labels = (
+        blur = NOISE * blurs(*now) / scale["x_scale"]
+        parts = (seen, blur, here.positions, here.rotations, labels)
+        self.x, self.blur, self.positions, self.rotations, self._labels = (
             torch.from_numpy(np.asarray(part, dtype=np.float32)).to(device)
             for part in parts
         )
@@ -198,18 +158,6 @@ class _Rows:
         """Mean absolute error of the chunks of some rows, each."""
         told = net(x, self.positions[rows], self.rotations[rows])
         return (told - self._labels[self._chunks[rows]]).abs().mean((1, 2))
-
-    def mean_error(self, net: Any) -> float:
-        """The same of all rows."""
-        import torch
-
-        with torch.no_grad():
-            parts = torch.arange(len(self.x), device=self.x.device).split(1024)
-            return float(
-                torch.cat(
-                    [self.error(net, rows, self.x[rows]) for rows in parts]
-                ).mean()
-            )
 
 
 def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
@@ -250,12 +198,14 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
 
         def forward(self, x: Any, positions: Any, rotations: Any) -> Any:
             """Normal labels (B, 30, 20)."""
-            seen, rows = self.body(x), len(x)
-            shares = self.shares(seen).view(rows, -1, things).softmax(-1)
-            near = (
-                self.poses(seen).view(rows, -1, VECTORS, things, 3)
-                * shares[:, :, None, :, None]
-            )
+            rows = len(x)
+            how = {"dtype": torch.bfloat16, "enabled": self.training}  # a third faster
+            with torch.autocast(x.device.type, **how):
+                seen = self.body(x)
+                told = [head(seen) for head in (self.shares, self.poses, self.openings)]
+            shares, near, opens = (one.float() for one in told)
+            shares = shares.view(rows, -1, things).softmax(-1)
+            near = near.view(rows, -1, VECTORS, things, 3) * shares[:, :, None, :, None]
             back = rotations.transpose(2, 3).reshape(rows, things * 3, 3)
             vectors = (near.view(rows, -1, things * 3) @ back).view(
                 rows, -1, VECTORS, 3
@@ -264,7 +214,7 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
             poses = torch.cat([place, vectors[:, :, 1], vectors[:, :, 2]], -1)
             poses = self.blend @ poses.view(rows, len(SIDES), len(KNOTS), POSE)
             poses = (poses - self.mean) / self.size
-            opens = self.openings(seen).view(len(x), len(SIDES), HORIZON, 1)
+            opens = opens.view(rows, len(SIDES), HORIZON, 1)
             return torch.cat([poses, opens], -1).transpose(1, 2).flatten(2)
 
     return Net()
@@ -287,6 +237,7 @@ class Network:
         self._net = dict(np.load(path))
         about = json.loads(str(self._net["about"]))
         self.names, self._openings = tuple(about["names"]), about["openings"]
+        self._columns = about["columns"]
         self._grippers = Grippers(self._openings)
         gripper = about.get("gripper", DEFAULT_GRIPPER)
         self._robot = robot_with(os.environ.get("GRIPPER", gripper))
@@ -307,11 +258,12 @@ class Network:
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
-        state, objects = (
-            observation["agent_pos"][None],
-            observation["environment_state"][None],
-        )
-        now = state, objects, self.names, self._robot
+        objects = observation["environment_state"][self._columns]
+        return self.plan(observation["agent_pos"], objects)
+
+    def plan(self, state: Rows, objects: Rows) -> Rows:
+        """The next chunk (30, 16) of joints and openings (16,) and an object state (n,)."""
+        now = state[None], objects[None], self.names, self._robot
         chunk = self.chunk(_normal(features(*now), self._net)[0], frames(*now))
         for label in chunk:
             self._grippers.switch(label)
@@ -366,15 +318,10 @@ if __name__ == "__main__":
     parser.add_argument("--episodes", type=int)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--device", default="cpu")
-    parser.add_argument(
-        "--still", action="store_true", help="not told how fast things move"
-    )
     asked = parser.parse_args()
     try:
         demonstrations = Demonstrations.load(asked.export, asked.episodes)
-        demonstrations = demonstrations.still() if asked.still else demonstrations
-        print(
-            train(demonstrations, asked.out, asked.seed, Training(device=asked.device))
-        )
+        how = Training(device=asked.device)
+        print(train(demonstrations, asked.export.name, asked.out, asked.seed, how))
     except DuoBenchError as error:
         parser.exit(1, f"error: {error}\n")

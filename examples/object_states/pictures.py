@@ -126,7 +126,7 @@ def at_rest(task: str, data: Demonstrations, count: int) -> Pictures:
                 simulation.duo.set_configuration(DuoCommand.from_flat(state))
                 simulation.forward()
             states.append(state)
-            objects.append(seen["environment_state"])
+            objects.append(seen["environment_state"][list(data.columns)])
             yield simulation
 
     images = _rendered(shown, count)

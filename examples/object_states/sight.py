@@ -1,9 +1,7 @@
-"""Where cameras see things: convolutional networks that point, and rays that meet.
+"""Where cameras see things: convolutional networks that point.
 
-Each camera is taught in which pixel the origin of each object is: its lens and its place are known,
-so that the simulation tells that of every image. A pixel is a ray in the table's frame, and an
-object is where the rays of all cameras meet, each as sure as its map is narrow, near where objects
-are on average. Nothing of that is learned: what may say how sure it is ends by trusting nothing.
+Each camera is taught in which pixels the points of each object are: its lens and its place are
+known, so that the simulation tells that of every image. Of these pixels `rays.py` makes poses.
 What a layout chose, such as the walls of a maze, is read in patches that are laid on the objects
 once these are found.
 
@@ -13,13 +11,15 @@ demonstrations a hand is where its object is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import torch
-from frames import bodies
 from numpy.typing import NDArray
+from rays import Points, Rays
 from torch import nn
 from torch.nn import functional
 
@@ -54,10 +54,24 @@ def places_of_cameras(state: NDArray[Any], robot: Robot) -> NDArray[np.float32]:
     return np.array(poses, dtype=np.float32)
 
 
-class Eye(nn.Module):
-    """Where one camera sees each object."""
+@dataclass(frozen=True)
+class Seen:
+    """What one camera sees of points in images."""
 
-    def __init__(self, size: tuple[int, int], things: int) -> None:
+    maps: torch.Tensor
+    """Logarithms of shares of cells (B, points, cells)."""
+    pixels: torch.Tensor
+    """Those that follow (B, points, 2)."""
+    spread: torch.Tensor
+    """How far shares are spread around them (B, points), in square pixels."""
+    what: torch.Tensor
+    """What is there (B, points, CHANNELS + 3)."""
+
+
+class Eye(nn.Module):
+    """Where one camera sees each point."""
+
+    def __init__(self, size: tuple[int, int], points: int) -> None:
         super().__init__()
         self.layers = nn.Sequential(
             nn.Conv2d(3, CHANNELS, 2 * STRIDE, STRIDE, padding=STRIDE // 2),
@@ -69,20 +83,14 @@ class Eye(nn.Module):
             nn.Conv2d(CHANNELS, CHANNELS, 3, padding=4, dilation=4),
             nn.ReLU(),
         )
-        self.maps = nn.Conv2d(CHANNELS, things, 3, padding=1)
+        self.maps = nn.Conv2d(CHANNELS, points, 3, padding=1)
         down, across = ((torch.arange(n // STRIDE) + 0.5) * STRIDE - 0.5 for n in size)
         grid = torch.stack(torch.meshgrid(across, down, indexing="xy"), -1).view(-1, 2)
         self.register_buffer("grid", grid, persistent=False)
         self._size = size
 
-    def forward(self, images: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        """What is seen in images (B, 3, height, width) of 0 to 255.
-
-        Returns:
-            Logarithms of shares of cells (B, things, cells), the pixels that follow (B, things, 2),
-            how far these are spread (B, things) in square pixels, and what is there (B, things,
-            CHANNELS + 3).
-        """
+    def forward(self, images: torch.Tensor) -> Seen:
+        """What is seen in images (B, 3, height, width) of 0 to 255."""
         how = {"dtype": torch.bfloat16, "enabled": self.training}  # twice as fast
         with torch.autocast(images.device.type, **how):
             cells = self.layers(images.float() / 127.5 - 1)
@@ -97,12 +105,12 @@ class Eye(nn.Module):
         sharp = shares.amax(-1, keepdim=True)
         around = pixels / max(self._size) - 0.5
         what = torch.cat([shares @ cells.float().flatten(2).mT, sharp, around], -1)
-        return maps, pixels, spread, what
+        return Seen(maps, pixels, spread, what)
 
     def surprise(
         self, maps: torch.Tensor, pixels: torch.Tensor, within: torch.Tensor
     ) -> torch.Tensor:
-        """Cross entropy (B, things) of maps where objects are in pixels (B, things, 2).
+        """Cross entropy (B, points) of maps where points are in pixels (B, points, 2).
 
         A pixel is shared by the four cells around it, so that the mean of the map is the pixel;
         what is not within the image is anywhere.
@@ -137,15 +145,16 @@ class Sight(nn.Module):
         chosen: Sequence[int],
     ) -> None:
         super().__init__()
-        first = [names.index(f"{body}_x") for body in bodies(names)]
-        places = torch.tensor([[x, x + 1, x + 2] for x in first])
-        self.register_buffer("places", places, persistent=False)
+        self.points = Points.of(names)
+        origins = np.flatnonzero((self.points.offsets == 0).all(1))
+        self.register_buffer("origins", torch.from_numpy(origins), persistent=False)
         quarters = range(len(names), len(scale["o_mean"]))
         self.read_there = [*chosen, *quarters] if chosen else []
         patches = sum(name.endswith("_x_axis_x") for name in names)
-        self.eyes = nn.ModuleList(Eye(size, len(first)) for size in SIZES.values())
+        count = len(self.points.things)
+        self.eyes = nn.ModuleList(Eye(size, count) for size in SIZES.values())
         self.find = nn.Sequential(
-            nn.Linear(len(SIZES) * len(first) * (CHANNELS + 3), WIDTH),
+            nn.Linear(len(SIZES) * len(origins) * (CHANNELS + 3), WIDTH),
             nn.GELU(),
             nn.Linear(WIDTH, WIDTH),
             nn.GELU(),
@@ -176,35 +185,30 @@ class Sight(nn.Module):
         self.register_buffer("patch", patch, persistent=False)
 
     def forward(
-        self, images: Sequence[torch.Tensor], cameras: torch.Tensor
-    ) -> tuple[torch.Tensor, list[torch.Tensor]]:
-        """What is seen (B, k), normal, in one image of each camera, and the maps of each.
+        self, images: Sequence[torch.Tensor]
+    ) -> tuple[torch.Tensor, list[Seen]]:
+        """What is seen (B, k), normal, but for places, and where each camera sees points.
 
         Args:
             images: Of each camera (B, 3, height, width).
-            cameras: Where they are (B, cameras, 4, 4).
         """
-        mean, size = self.o_mean[self.places], self.o_scale[self.places]
-        sure, sums = torch.diag_embed(size**-2), mean * size**-2
-        told, all_maps = [], []
-        for nth, (eye, image) in enumerate(zip(self.eyes, images, strict=True)):
-            maps, pixels, spread, what = eye(image)
-            all_maps.append(maps)
-            told.append(what.flatten(1))
-            lens = self.lenses[nth]
-            turned = cameras[:, nth, :3, :3] @ torch.linalg.inv(lens)
-            rays = functional.pad(pixels, (0, 1), value=1.0) @ turned.mT
-            place = cameras[:, nth, None, :3, 3]
-            away = (mean - place).square().sum(-1)
-            across = lens[0, 0] * lens[1, 1] / away / (spread + 1)
-            rays = functional.normalize(rays, dim=-1)
-            outer = rays[..., None] * rays[..., None, :]
-            weight = across[..., None, None] * (torch.eye(3).to(outer) - outer)
-            sure = sure + weight
-            sums = sums + (weight @ place[..., None])[..., 0]
-        found = self.find(torch.cat(told, 1))
-        where = (torch.linalg.solve(sure, sums) - mean) / size
-        return found.index_copy(1, self.places.flatten(), where.flatten(1)), all_maps
+        seen = [eye(image) for eye, image in zip(self.eyes, images, strict=True)]
+        told = [one.what[:, self.origins].flatten(1) for one in seen]
+        return self.find(torch.cat(told, 1)), seen
+
+    def rays(self, seen: Sequence[Seen], cameras: NDArray[np.float32]) -> Rays:
+        """Rays to what cameras see that are somewhere (B, cameras, 4, 4)."""
+        ways, sharpness = [], []
+        for nth, one in enumerate(seen):
+            lens = self.lenses[nth].double().numpy()
+            turned = cameras[:, nth, :3, :3] @ np.linalg.inv(lens)
+            pixels = functional.pad(one.pixels, (0, 1), value=1.0).double().numpy()
+            way = pixels @ turned.swapaxes(1, 2)
+            ways.append(way / np.linalg.norm(way, axis=-1, keepdims=True))
+            focal = math.sqrt(lens[0, 0] * lens[1, 1])
+            sharpness.append(focal / np.sqrt(one.spread.double().numpy() + 1))
+        places = cameras[..., :3, 3].astype(np.float64)
+        return Rays(places, np.stack(ways, 1), np.stack(sharpness, 1))
 
     def pixels(
         self, points: torch.Tensor, cameras: torch.Tensor

@@ -4,10 +4,9 @@
 
 Each network that was played leaves a small file in `results/`; what is there is not done again, so
 the same command goes on where it was stopped. `--print` prints the table of what is there, and
-`--failures` what did not hold at the end of episodes that failed. With `--passes N` every network
-makes exactly so many passes over its demonstrations, and `--curve` prints what those reached. With
-`--images DEMOS` they see images, rendered from these recordings. With `--self-imitation N` each
-plays by itself until N episodes have succeeded, and learns from these as well.
+`--failures` what did not hold at the end of episodes that failed. With `--images DEMOS` they see
+images, rendered from these recordings. With `--self-imitation N` each plays by itself until N
+episodes have succeeded, and learns from these as well.
 """
 
 from __future__ import annotations
@@ -17,20 +16,19 @@ import hashlib
 import json
 import os
 import re
-import resource
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import network
 import numpy as np
 from demonstrations import UNTIL, Demonstrations
-from self_imitation import practise
+from learning import once, processor_seconds, write
+from own_play import practise
 
 from duobench.core.errors import (
     DuoBenchError,
@@ -53,10 +51,9 @@ _NUMBERS = re.compile(r"-?\d+(?:\.\d+)?(?: to -?\d+(?:\.\d+)?)?")
 def setting(asked: argparse.Namespace) -> str:
     """What is not the recipe itself."""
     until = "" if asked.until == "end" else f"-{asked.until}"
-    passes = f"-passes-{asked.passes}" if asked.passes else ""
     own = f"-self-{asked.self_imitation}" if asked.self_imitation else ""
-    seen = "-images" if asked.images else "-still" if asked.still else ""
-    return f"{asked.demonstrations}{until}{passes}{own}{seen}"
+    seen = "-images" if asked.images else ""
+    return f"{asked.demonstrations}{until}{own}{seen}"
 
 
 def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
@@ -77,7 +74,7 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
         return f"{file} is there"
     checkpoint, told = trained(asked, task, seed)
     os.environ["CHECKPOINT"] = str(checkpoint.absolute())
-    before = _processor_seconds()
+    before = processor_seconds()
     suite = Suite(tasks=tuple(find_tasks([task])), episodes=asked.episodes)
     policy = "images:Images" if asked.images else "network:Network"
     try:
@@ -102,10 +99,10 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
             for one in failed_stages(played)
         },
         "training": told,
-        "evaluation": {"seconds": round(_processor_seconds() - before)},
+        "evaluation": {"seconds": round(processor_seconds() - before)},
         "checkpoint": _hash(checkpoint),
     }
-    _write(file, content)
+    write(file, content)
     return f"{file}: {score.successes} of {score.episodes}"
 
 
@@ -116,46 +113,38 @@ def trained(
     folder = asked.out / setting(asked) / task
     checkpoint = folder / f"{seed}.npz"
     told = folder / f"{seed}.json"
-    if not told.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        data = Demonstrations.load(
-            asked.export / task, asked.demonstrations, asked.until
-        )
-        data = data.still() if asked.images or asked.still else data
-        goes_on = asked.self_imitation or asked.images
-        first = trained(first_of(asked), task, seed) if goes_on else None
-        before = _processor_seconds()
-        if first is None:
-            about = learn(asked, data, checkpoint, seed)
-        else:
-            further = see if asked.images else improve
-            about = further(asked, task, data, first[0], checkpoint, seed)
-            about["first"] = first[1]
-        about |= {
-            "device": asked.device,
-            "seconds": round(_processor_seconds() - before),
-            "checkpoint": _hash(checkpoint),
-        }
-        _write(told, about)
-    return checkpoint, json.loads(told.read_text())
+    return checkpoint, once(told, lambda: _trained(asked, task, seed, checkpoint))
+
+
+def _trained(
+    asked: argparse.Namespace, task: str, seed: int, checkpoint: Path
+) -> dict[str, Any]:
+    """Train one network; what is told of it, and of the one that came first."""
+    data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
+    if asked.self_imitation or asked.images:
+        acts, first = trained(first_of(asked), task, seed)
+        further = see if asked.images else improve
+        told = further(asked, task, data, acts, checkpoint, seed) | {"first": first}
+    else:
+        told = learn(asked, task, data, checkpoint, seed)
+    return told | {"checkpoint": _hash(checkpoint)}
 
 
 def first_of(asked: argparse.Namespace) -> argparse.Namespace:
     """What comes first: the same on demonstrations and object states alone."""
-    plain = {"self_imitation": None, "images": None}
-    if asked.images:  # passes are over them, and they do not show how fast things move
-        plain |= {"passes": None, "still": True}
-    return argparse.Namespace(**vars(asked) | plain)
+    return argparse.Namespace(**vars(asked) | {"self_imitation": None, "images": None})
 
 
 def learn(
-    asked: argparse.Namespace, data: Demonstrations, checkpoint: Path, seed: int
+    asked: argparse.Namespace,
+    task: str,
+    data: Demonstrations,
+    checkpoint: Path,
+    seed: int,
 ) -> dict[str, Any]:
     """Train one network on object states; what is told of it."""
     how = network.Training(device=asked.device)
-    if asked.passes:
-        how = replace(how, least=asked.passes, most=asked.passes)
-    return network.train(data, checkpoint, seed, how)
+    return network.train(data, task, checkpoint, seed, how)
 
 
 def improve(
@@ -170,7 +159,8 @@ def improve(
     os.environ["CHECKPOINT"] = str(acts.absolute())
     place = out.with_name(f"own-{seed}")
     done, own = practise("network:Network", task, place, asked.self_imitation)
-    return learn(asked, data + done, out, seed) | own
+    told = learn(asked, task, data + done, out, seed)
+    return told | own | {"seconds": told["seconds"] + own["seconds"]}
 
 
 def see(
@@ -185,30 +175,12 @@ def see(
     import images  # needs PyTorch to be read
 
     how = images.Training(device=asked.device)
-    if asked.passes:
-        how = replace(how, passes=asked.passes)
     pictures = images.see(asked.images, task, data, how.layouts)
     return images.train(acts, data, pictures, out, seed, how)
 
 
 def _hash(checkpoint: Path) -> str:
     return hashlib.sha256(checkpoint.read_bytes()).hexdigest()[:16]
-
-
-def _processor_seconds() -> float:
-    """What this process and those that it waited for have used."""
-    used = (
-        resource.getrusage(who)
-        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    )
-    return sum(one.ru_utime + one.ru_stime for one in used)
-
-
-def _write(path: Path, content: dict[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_suffix(".part")
-    unfinished.write_text(json.dumps(content, indent=1) + "\n")
-    unfinished.replace(path)
 
 
 def read(results: Path, name: str) -> dict[str, list[dict[str, Any]]]:
@@ -226,7 +198,7 @@ def read(results: Path, name: str) -> dict[str, list[dict[str, Any]]]:
 
 def table(results: Path, name: str) -> Iterator[str]:
     """Rows in Markdown; the interval holds the spread of the seeds and that of the episodes."""
-    yield "| task | success (95 %) | by seed | progress | last stages 0, 1, 2, ... | passes |"
+    yield "| task | success (95 %) | by seed | progress | last stages 0, 1, 2, ... | minutes |"
     yield "| --- | ---: | --- | ---: | --- | --- |"
     means = []
     for task, seeds in read(results, name).items():
@@ -239,14 +211,20 @@ def table(results: Path, name: str) -> Iterator[str]:
             map(str, np.sum([one["last_stages"] for one in seeds], axis=0))
         )
         progress = np.mean([one["progress"] for one in seeds])
-        passes = ", ".join(str(one["training"]["passes"]) for one in seeds)
+        minutes = ", ".join(_minutes(one["training"]) for one in seeds)
         yield (
             f"| `{task}` | {100 * means[-1]:.0f} ({100 * low:.0f} to {100 * high:.0f}) "
             f"| {', '.join(f'{100 * rate:.0f}' for rate in rates)} | {progress:.2f} | {stages} "
-            f"| {passes} |"
+            f"| {minutes} |"
         )
     if means:
         yield f"| mean of {len(means)} | {100 * np.mean(means):.1f} | | | | |"
+
+
+def _minutes(training: dict[str, Any]) -> str:
+    """Processor minutes of a training, behind those of the network that came first."""
+    first = f"{_minutes(training['first'])} + " if "first" in training else ""
+    return f"{first}{training['seconds'] / 60:.0f}"
 
 
 def failures(results: Path, name: str) -> Iterator[str]:
@@ -268,34 +246,6 @@ def failures(results: Path, name: str) -> Iterator[str]:
             begin = f"`{task}` | {failed}" if nth == 0 else " | "
             told = "; ".join(f"{text} ({n})" for text, n in unmet.most_common(TOLD))
             yield f"| {begin} | {stage} ({count}) | {told} |"
-
-
-def curve(results: Path) -> Iterator[str]:
-    """Rows in Markdown: success against demonstrations and passes over them.
-
-    Down a column passes are the same; along a diagonal to the lower left, where demonstrations
-    double as passes halve, steps are.
-    """
-    found: dict[str, dict[tuple[int, int], dict[str, Any]]] = {}
-    for folder in results.glob("*-passes-*[0-9]"):
-        if "-self-" in folder.name:
-            continue  # whose passes are over more than demonstrations
-        for task, seeds in read(results, folder.name).items():
-            for one in seeds:
-                place = one["demonstrations"], one["training"]["passes"]
-                found.setdefault(task, {})[place] = one
-    every = sorted({passes for cells in found.values() for _, passes in cells})
-    yield f"| task | demonstrations | {' | '.join(f'{passes} passes' for passes in every)} |"
-    yield f"| --- | ---: |{' ---: |' * len(every)}"
-    for task in sorted(found, key=catalog.names().index):
-        cells = found[task]
-        for nth, count in enumerate(sorted({count for count, _ in cells})):
-            told = [cells.get((count, passes)) for passes in every]
-            row = [
-                f"{100 * one['successes'] / one['episodes']:.0f}" if one else ""
-                for one in told
-            ]
-            yield f"| {'' if nth else f'`{task}`'} | {count} | {' | '.join(row)} |"
 
 
 def interval(rates: Sequence[float], episodes: int) -> tuple[float, float]:
@@ -350,9 +300,6 @@ if __name__ == "__main__":
         "--until", choices=UNTIL, default="end", help="where they are cut"
     )
     parser.add_argument(
-        "--passes", type=int, help="over them, in place of as many as help"
-    )
-    parser.add_argument(
         "--images", type=Path, metavar="DEMOS", help="recordings to render"
     )
     parser.add_argument(
@@ -366,31 +313,16 @@ if __name__ == "__main__":
     parser.add_argument(
         "--failures", action="store_true", help="print what failed instead"
     )
-    parser.add_argument(
-        "--curve", action="store_true", help="print what --passes reached instead"
-    )
-    parser.set_defaults(still=False)
     given = parser.parse_args()
-    if (
-        given.passes is not None
-        and not given.images
-        and given.passes <= network.Training.decay
-    ):
-        parser.error(
-            f"the last {network.Training.decay} passes lower the rate: ask for more"
-        )
     if given.images and given.self_imitation:
         parser.error("own successes are learned from without images")
-    if not (given.print or given.failures or given.curve):
+    if not (given.print or given.failures):
         if given.export is None:
             parser.error("the folder of an export is missing")
         try:
             run(given)
         except DuoBenchError as error:
             parser.exit(1, f"error: {error}\n")
-    if given.curve:
-        print("\n".join(curve(given.results)))
-        sys.exit()
     told = failures if given.failures else table
     print("\n".join(told(given.results, setting(given))))
     if not any(read(given.results, setting(given)).values()):
