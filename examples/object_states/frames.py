@@ -140,7 +140,11 @@ def _seen(
         seen += [
             _maze(objects, names, here.quarters[:, 2 + bodies(names).index(_BOARD)])
         ]
-    blur += [np.ones((rows, sum(map(np.size, seen)) // rows - sum(map(np.size, blur)) // rows))]
+    blur += [
+        np.ones(
+            (rows, sum(map(np.size, seen)) // rows - sum(map(np.size, blur)) // rows)
+        )
+    ]
     return np.hstack(seen).astype(np.float32), np.hstack(blur).astype(np.float32)
 
 

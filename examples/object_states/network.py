@@ -52,6 +52,8 @@ FURTHEST, LEAST = 5.0, 1e-2
 NOISE = 5e-3
 """Standard deviation of what is added to inputs in training (m, rad, and numbers without a unit):
 a policy strays by millimetres from what was shown, and its goals stay where they were."""
+EMPTY = 3.0
+"""Logarithm of how much likelier than with any one thing a hand is empty, before training."""
 METRES = 0.1
 """Size of a position in the frame of a thing, in metres, that is a 1 for the network."""
 
@@ -181,9 +183,13 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
             self.body = nn.Sequential(*parts, nn.LayerNorm(WIDTH))
             moments = len(SIDES) * len(KNOTS)
             self.shares = nn.Linear(WIDTH, moments * things)
+            self.carried = nn.Linear(WIDTH, moments * things)
             self.poses = nn.Linear(WIDTH, moments * VECTORS * things * 3)
             self.openings = nn.Linear(WIDTH, len(SIDES) * HORIZON)
             nn.init.zeros_(self.poses.bias)
+            nothing = EMPTY * torch.eye(len(SIDES), things)
+            nothing = nothing.repeat_interleave(len(KNOTS), 0)
+            self.carried.bias = nn.Parameter(nothing.flatten())
             self.blend = torch.from_numpy(blend().astype(np.float32))
             mean, size = (
                 torch.from_numpy(scale[key]).view(len(SIDES), 1, -1)
@@ -202,20 +208,36 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
             how = {"dtype": torch.bfloat16, "enabled": self.training}  # a third faster
             with torch.autocast(x.device.type, **how):
                 seen = self.body(x)
-                told = [head(seen) for head in (self.shares, self.poses, self.openings)]
-            shares, near, opens = (one.float() for one in told)
-            shares = shares.view(rows, -1, things).softmax(-1)
+                heads = self.shares, self.carried, self.poses, self.openings
+                told = [head(seen) for head in heads]
+            shares, carried, near, opens = (one.float() for one in told)
+            shares, carried = (
+                one.view(rows, -1, things).softmax(-1) for one in (shares, carried)
+            )
             near = near.view(rows, -1, VECTORS, things, 3) * shares[:, :, None, :, None]
             back = rotations.transpose(2, 3).reshape(rows, things * 3, 3)
             vectors = (near.view(rows, -1, things * 3) @ back).view(
                 rows, -1, VECTORS, 3
             )
             place = METRES * vectors[:, :, 0] + shares @ positions
+            place = place + self.held(carried, vectors, positions, rotations)
             poses = torch.cat([place, vectors[:, :, 1], vectors[:, :, 2]], -1)
             poses = self.blend @ poses.view(rows, len(SIDES), len(KNOTS), POSE)
             poses = (poses - self.mean) / self.size
             opens = opens.view(rows, len(SIDES), HORIZON, 1)
             return torch.cat([poses, opens], -1).transpose(1, 2).flatten(2)
+
+        def held(
+            self, carried: Any, vectors: Any, positions: Any, rotations: Any
+        ) -> Any:
+            """How far a tool (B, moments, 3) is from what it carries, once that is there."""
+            tools = slice(len(SIDES))
+            away = positions[:, tools, None] - positions[:, None]  # (B, side, thing, 3)
+            back = away @ rotations[:, tools]  # in the tool, in which it stays
+            mean = carried.view(len(carried), len(SIDES), len(KNOTS), -1) @ back
+            x, y = (nn.functional.normalize(vectors[:, :, n], dim=-1) for n in (1, 2))
+            turned = torch.stack([x, y, torch.linalg.cross(x, y)], -1)
+            return (turned @ mean.flatten(1, 2)[..., None])[..., 0]
 
     return Net()
 
@@ -279,12 +301,14 @@ class Network:
             x = x + self._linear(_gelu(inner), f"body.{number}.down")
         x = self._norm(x, f"body.{BLOCKS + 1}")
         moments, things = len(SIDES) * len(KNOTS), here.positions.shape[1]
-        shares = self._linear(x, "shares").reshape(moments, things)
-        shares = np.exp(shares - shares.max(-1, keepdims=True))
-        shares /= shares.sum(-1, keepdims=True)
+        shares, carried = (
+            _softmax(self._linear(x, name).reshape(moments, things))
+            for name in ("shares", "carried")
+        )
         near = self._linear(x, "poses").reshape(moments, VECTORS, things, 3)
         vectors = np.einsum("mckj,mk,kij->mci", near, shares, here.rotations[0])
         vectors[:, 0] = METRES * vectors[:, 0] + shares @ here.positions[0]
+        vectors[:, 0] += _held(carried, vectors, here)
         poses = self._blend @ vectors.reshape(len(SIDES), len(KNOTS), POSE)
         size, mean = (
             self._net[key].reshape(len(SIDES), 1, -1)[..., POSE:]
@@ -302,6 +326,26 @@ class Network:
     def _norm(self, x: Rows, name: str) -> Rows:
         x = (x - x.mean()) / np.sqrt(x.var() + 1e-5)
         return x * self._net[f"{name}.weight"] + self._net[f"{name}.bias"]
+
+
+def _held(carried: Rows, vectors: Rows, here: Frames) -> NDArray[np.floating]:
+    """How far a tool (moments, 3) is from what it carries, once that is there."""
+    tools = slice(len(SIDES))
+    positions, rotations = here.positions[0], here.rotations[0, tools]
+    away = positions[tools, None] - positions
+    back = np.einsum("sij,ski->skj", rotations, away)  # in the tool, in which it stays
+    mean = carried.reshape(len(SIDES), len(KNOTS), -1) @ back
+    x, y = (
+        one / np.linalg.norm(one, axis=-1, keepdims=True)
+        for one in (vectors[:, 1], vectors[:, 2])
+    )
+    turned = np.stack([x, y, np.cross(x, y)], axis=-1)
+    return np.einsum("mij,mj->mi", turned, mean.reshape(-1, 3))
+
+
+def _softmax(x: Rows) -> Rows:
+    shares = np.exp(x - x.max(-1, keepdims=True))
+    return shares / shares.sum(-1, keepdims=True)
 
 
 _erf = np.vectorize(math.erf)
