@@ -20,6 +20,7 @@ from duobench.world.robot.frames import ROBOT, Robot
 
 Rows = NDArray[np.float32]
 QUARTERS = 4
+JOINTS_AND_OPENINGS = len(SIDES) * (ARM_JOINTS + 1)
 FAR = 0.2
 """Metres between things from which on it blurs no further where one is from the other."""
 _QUARTER = 2 * math.pi / QUARTERS
@@ -98,6 +99,19 @@ def features(
         DataError: The object states have other numbers, as those of another task.
     """
     return _seen(state, objects, names, robot)[0]
+
+
+def columns(names: tuple[str, ...]) -> tuple[list[slice], list[slice]]:
+    """Where features tell places of objects, and where other things are from each thing."""
+    first = JOINTS_AND_OPENINGS
+    places = [names.index(f"{body}_x") + first for body in bodies(names)]
+    things = len(SIDES) + len(places) + 1
+    first += len(names)
+    ways = []
+    for _ in range(things):
+        ways.append(slice(first, first + 3 * (things - 1)))
+        first = ways[-1].stop + 6 * len(SIDES)
+    return [slice(place, place + 3) for place in places], ways
 
 
 def blurs(

@@ -33,7 +33,7 @@ from duobench.core.types import SIDES
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.frames import robot_with
 
-EARLY = 10
+EARLY = 50
 """The n-th row of an episode is drawn with a weight of 1 / (n + `EARLY`): what is seen in the first
 ones decides where hands go, and many later ones look alike."""
 SIGHT, USUAL = "sight.", "usual."
@@ -248,7 +248,7 @@ class _Rows:
         self._points = torch.from_numpy(points.at(*there)).float()
         self._shares = torch.from_numpy(points.shares()).float().to(device)
         self._patches = on_patches(*there, data.names)
-        self.usual = Usual.of(there[0][self.learned])
+        self.usual = Usual.of(points, *(part[self.learned] for part in there))
 
     def sight(self) -> Sight:
         """A network that sees them."""

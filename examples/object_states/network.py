@@ -31,6 +31,7 @@ from demonstrations import (
     to_actions,
 )
 from frames import Frames, blurs, features, frames
+from grasps import Grasps, Shift
 from learning import Training, learn
 from numpy.typing import NDArray
 from own_play import Trial
@@ -54,6 +55,8 @@ NOISE = 5e-3
 a policy strays by millimetres from what was shown, and its goals stay where they were."""
 EMPTY = 3.0
 """Logarithm of how much likelier than with any one thing a hand is empty, before training."""
+OTHERWISE = 4e-3
+"""Standard deviation of where a thing is held (m, along each axis of the tool) in training."""
 METRES = 0.1
 """Size of a position in the frame of a thing, in metres, that is a 1 for the network."""
 
@@ -102,9 +105,7 @@ def train(
 
     def error() -> Any:
         rows = torch.randint(len(shown.x), (how.batch,))
-        noise = torch.randn(how.batch, shown.x.shape[1]).to(how.device)
-        rows = rows.to(how.device)
-        return shown.error(net, rows, shown.x[rows] + shown.blur[rows] * noise).mean()
+        return shown.error(net, rows.to(how.device))
 
     def look(average: Any, file: Path) -> tuple[int, float]:
         np.savez(file, about=json.dumps(about), **scale, **arrays(average))
@@ -146,20 +147,44 @@ class _Rows:
 
         now = data.state, data.objects, data.names, robot_with(data.gripper)
         here = frames(*now)
-        seen = _normal(features(*now), scale)
-        labels = (data.labels - scale["y_mean"]) / scale["y_scale"]
-        blur = NOISE * blurs(*now) / scale["x_scale"]
-        parts = (seen, blur, here.positions, here.rotations, labels)
-        self.x, self.blur, self.positions, self.rotations, self._labels = (
-            torch.from_numpy(np.asarray(part, dtype=np.float32)).to(device)
-            for part in parts
-        )
-        self._chunks = torch.from_numpy(data.chunks(HORIZON)).to(device)
+        grasps = Grasps.of(data, here)
+        self._names = data.names
+        parts = {
+            "x": _normal(features(*now), scale),
+            "blur": NOISE * blurs(*now) / scale["x_scale"],
+            "positions": here.positions,
+            "rotations": here.rotations,
+            "labels": (data.labels - scale["y_mean"]) / scale["y_scale"],
+            "x_scale": scale["x_scale"],
+            "y_mean": scale["y_mean"],
+            "y_scale": scale["y_scale"],
+        }
+        whole = {
+            "chunks": data.chunks(HORIZON),
+            "held": grasps.things,
+            "left": grasps.left,
+        }
+        for name, part in (parts | whole).items():
+            kind = np.int64 if name in whole else np.float32
+            tensor = torch.from_numpy(np.asarray(part, dtype=kind)).to(device)
+            setattr(self, name, tensor)
 
-    def error(self, net: Any, rows: Any, x: Any) -> Any:
-        """Mean absolute error of the chunks of some rows, each."""
-        told = net(x, self.positions[rows], self.rotations[rows])
-        return (told - self._labels[self._chunks[rows]]).abs().mean((1, 2))
+    def error(self, net: Any, rows: Any) -> Any:
+        """Mean absolute error of the chunks of some rows, seen and held a little otherwise."""
+        import torch
+
+        rotations, labels = self.rotations[rows], self.labels[self.chunks[rows]]
+        shift = Shift.drawn(OTHERWISE, self.held[rows], self.left[rows], rotations)
+        x, blur = self.x[rows], self.blur[rows]
+        seen = shift.features(rotations, self._names, x.shape[1]) / self.x_scale
+        noise = torch.randn(x.shape).to(x)
+        told = net(
+            x + seen + blur * noise, self.positions[rows] + shift.things, rotations
+        )
+        goals = (labels * self.y_scale + self.y_mean).unflatten(-1, (len(SIDES), -1))
+        moved = shift.labels(goals[..., 3:POSE].unflatten(-1, (2, 3)))
+        moved = torch.nn.functional.pad(moved, (0, goals.shape[-1] - 3)).flatten(2)
+        return (told - labels - moved / self.y_scale).abs().mean()
 
 
 def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:

@@ -15,14 +15,16 @@ from frames import bodies
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-ARM = 0.05
+ARM = 0.1
 """Metres from the origin of an object along its axes to its other points."""
 TURN = 0.3
 """Standard deviation of a rotation that was guessed without rays (rad)."""
-LEAST = 0.01
+LEAST = 0.003
 """Standard deviation of a place (m) that demonstrations never changed."""
 CLOSEST = 0.05
 """Metres from a camera to a point, at least."""
+TINY = 1e-9
+"""What is added to inverse covariances that may be nought."""
 STEPS = 6
 """Steps of Gauss and Newton from the guess to where rays meet."""
 
@@ -65,22 +67,35 @@ class Points:
 
 @dataclass(frozen=True)
 class Usual:
-    """Where objects were when demonstrated, as a normal distribution.
+    """Where objects were when demonstrated, in the table's frame and in those of other objects.
 
     Attributes:
-        mean: Their places (K, 3).
-        precision: Inverse covariance (3 K, 3 K) of all of them together.
+        mean: Their places (K + 1, K, 3): in the frame of each object, and at last of the table.
+        precision: Inverse covariances (K + 1, K, 3, 3); none in frames of what has no axes.
     """
 
     mean: Array
     precision: Array
 
     @staticmethod
-    def of(places: Array) -> Usual:
-        """That of places (T, K, 3)."""
-        flat = places.reshape(len(places), -1).astype(np.float64)
-        spread = np.cov(flat.T) + LEAST**2 * np.eye(flat.shape[1])
-        return Usual(flat.mean(0).reshape(-1, 3), np.linalg.inv(spread))
+    def of(points: Points, places: Array, turns: Array) -> Usual:
+        """That of places (T, K, 3) and rotations (T, K, 3, 3)."""
+        count = places.shape[1]
+        mean, precision = (
+            np.zeros((count + 1, count, 3)),
+            np.zeros((count + 1, count, 3, 3)),
+        )
+        with_axes = set(points.things[points.offsets.any(1)].tolist())
+        for one in range(count):
+            for other in [*with_axes - {one}, count]:
+                there = places[:, one]
+                if other < count:
+                    away = there - places[:, other]
+                    there = np.einsum("tij,ti->tj", turns[:, other], away)
+                spread = np.cov(there.T) + LEAST**2 * np.eye(3)
+                mean[other, one] = there.mean(0)
+                precision[other, one] = np.linalg.inv(spread)
+        return Usual(mean, precision)
 
 
 @dataclass(frozen=True)
@@ -108,40 +123,105 @@ def meet(rays: Rays, points: Points, usual: Usual, guess: Array) -> tuple[Array,
         guess: Rotations (T, K, 3, 3) to begin from, and to stay near.
     """
     count, things = guess.shape[:2]
-    places, turns = np.tile(usual.mean, (count, 1, 1)), guess.copy()
-    size = 3 * things
-    before = np.zeros((2 * size, 2 * size))
-    before[:size, :size] = usual.precision
-    before[size:, size:] = np.eye(size) / TURN**2
-    aside = np.eye(3) - rays.ways[..., None] * rays.ways[..., None, :]
+    places, turns = np.tile(usual.mean[-1], (count, 1, 1)), guess.copy()
     for _ in range(STEPS):
-        arms = points.at(np.zeros_like(places), turns)
-        here = places[:, points.things] + arms
-        ways = here[:, None] - rays.origins[:, :, None]
-        far = np.maximum(np.linalg.norm(ways, axis=-1), CLOSEST)
-        weights = (rays.sharpness / far)[..., None, None] ** 2 * aside
-        pulls = -np.einsum("tcjab,tcjb->tja", weights, ways)
-        weights = weights.sum(1)
-        moves = _moves(points, arms, things)
-        held = np.einsum("tjab,tjbn->tjan", weights, moves)
-        hessian = before + np.einsum("tjan,tjam->tnm", moves, held)
-        away = np.concatenate([(usual.mean - places), _turn(guess, turns)], axis=1)
-        gradient = np.einsum("tjan,tja->tn", moves, pulls)
-        gradient += away.reshape(count, -1) @ before
+        pulls = [
+            _to_rays(rays, points, places, turns),
+            _to_guess(guess, turns),
+            _to_usual(usual, places),
+        ]
+        pulls += [
+            _to_others(usual, places, turns, k)
+            for k in range(things)
+            if usual.precision[k].any()
+        ]
+        hessian = sum(pull.hessian() for pull in pulls)
+        gradient = sum(pull.gradient() for pull in pulls)
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
-        step = step.reshape(count, 2 * things, 3)
-        places = places + step[:, :things]
-        turns = _rotation(step[:, things:]) @ turns
+        step = step.reshape(count, 2, things, 3)
+        places = places + step[:, 0]
+        turns = _rotation(step[:, 1]) @ turns
     return places, turns
 
 
-def _moves(points: Points, arms: Array, things: int) -> Array:
-    """How points (T, J, 3, 6 K) move with places and small turns of objects."""
-    moves = np.zeros((*arms.shape, 2, things, 3))
+@dataclass(frozen=True)
+class _Pull:
+    """Vectors that are to be nought, and how sure that is.
+
+    Attributes:
+        errors: The vectors (T, M, 3).
+        weights: Inverse covariances (T, M, 3, 3).
+        moves: How they move with places and small turns of objects (T, M, 3, 2, K, 3).
+    """
+
+    errors: Array
+    weights: Array
+    moves: Array
+
+    def hessian(self) -> Array:
+        flat = self.moves.reshape(*self.errors.shape, -1)
+        held = self.weights @ flat
+        return np.einsum("tmai,tmaj->tij", flat, held, optimize=True)
+
+    def gradient(self) -> Array:
+        flat = self.moves.reshape(*self.errors.shape, -1)
+        forces = self.weights @ self.errors[..., None]
+        return -np.einsum("tmai,tma->ti", flat, forces[..., 0])
+
+
+def _to_rays(rays: Rays, points: Points, places: Array, turns: Array) -> _Pull:
+    """Pull of points to rays, of all cameras together."""
+    here = points.at(places, turns)
+    ways = here[:, None] - rays.origins[:, :, None]
+    far = np.maximum(np.linalg.norm(ways, axis=-1), CLOSEST)
+    aside = np.eye(3) - rays.ways[..., None] * rays.ways[..., None, :]
+    weights = (rays.sharpness / far)[..., None, None] ** 2 * aside
+    forces = (weights @ ways[..., None]).sum(1)
+    weights = weights.sum(1)
+    moves = _moves(len(places), len(points.things), places.shape[1])
     for j, k in enumerate(points.things):
         moves[:, j, :, 0, k] = np.eye(3)
-        moves[:, j, :, 1, k] = -_cross(arms[:, j])
-    return moves.reshape(*arms.shape, -1)
+        moves[:, j, :, 1, k] = -_cross(here[:, j] - places[:, k])
+    errors = np.linalg.solve(weights + TINY * np.eye(3), forces)[..., 0]
+    return _Pull(errors, weights, moves)
+
+
+def _to_guess(guess: Array, turns: Array) -> _Pull:
+    """Pull of rotations to what was guessed."""
+    count, things = guess.shape[:2]
+    moves = _moves(count, things, things)
+    for k in range(things):
+        moves[:, k, :, 1, k] = np.eye(3)
+    weights = np.tile(np.eye(3) / TURN**2, (count, things, 1, 1))
+    return _Pull(-_turn(guess, turns), weights, moves)
+
+
+def _to_usual(usual: Usual, places: Array) -> _Pull:
+    """Pull of places to where they were in the table's frame."""
+    count, things = places.shape[:2]
+    moves = _moves(count, things, things)
+    for k in range(things):
+        moves[:, k, :, 0, k] = np.eye(3)
+    weights = np.tile(usual.precision[-1], (count, 1, 1, 1))
+    return _Pull(places - usual.mean[-1], weights, moves)
+
+
+def _to_others(usual: Usual, places: Array, turns: Array, other: int) -> _Pull:
+    """Pull of places to where they were in the frame of one object."""
+    count, things = places.shape[:2]
+    turn = turns[:, other, None]
+    there = (turn @ usual.mean[other, ..., None])[..., 0]
+    moves = _moves(count, things, things)
+    for k in range(things):
+        moves[:, k, :, 0, k] = np.eye(3)
+    moves[:, :, :, 0, other] -= np.eye(3)
+    moves[:, :, :, 1, other] = _cross(there)
+    weights = turn @ usual.precision[other] @ turn.swapaxes(-1, -2)
+    return _Pull(places - places[:, other, None] - there, weights, moves)
+
+
+def _moves(count: int, vectors: int, things: int) -> Array:
+    return np.zeros((count, vectors, 3, 2, things, 3))
 
 
 def _cross(vectors: Array) -> Array:
