@@ -25,6 +25,7 @@ from duobench.core.errors import (
     PolicyError,
     UnknownNameError,
 )
+from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.spatial import rotation_about
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.evaluation.rollouts import rollout
@@ -452,6 +453,57 @@ def test_a_thing_is_brought_to_the_same_place_however_it_is_held(tmp_path: Path)
     assert np.abs(chunks[1] - chunks[0]).max() > 0.02
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
+def test_what_is_held_otherwise_is_brought_to_where_it_was_shown(exports: Path) -> None:
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    from demonstrations import Demonstrations, opening_columns  # pyright: ignore[reportMissingImports]
+    from frames import bodies, features, frames  # pyright: ignore[reportMissingImports]
+    from grasps import NOTHING, Grasps, Shift  # pyright: ignore[reportMissingImports]
+
+    data = Demonstrations.load(exports / TASK)
+    here = frames(data.state, data.objects, data.names)
+    grasps = Grasps.of(data, here)
+    pot = bodies(data.names).index("pot")
+    assert set(np.unique(grasps.things)) == {NOTHING, pot}
+    ends = np.cumsum(data.lengths)
+    starts = ends - data.lengths
+    assert (grasps.things[[*starts, *(ends - 1)]] == NOTHING).all()
+    both = np.flatnonzero((grasps.things == pot).all(axis=1))
+    assert len(both) > 50
+    opens = data.labels[:, opening_columns(data.labels)] > 0.5
+    for row in both[::20]:
+        for side in range(2):
+            left = grasps.left[row, side]
+            assert not opens[row : row + left, side].any()
+            assert row + left in ends or opens[row + left, side]
+
+    rows = np.array([starts[0], *both[::10]])
+    held, left, rotations = (
+        torch.from_numpy(part[rows]) for part in (grasps.things, grasps.left, here.rotations)
+    )
+    shift = Shift.drawn(4e-3, held, left, rotations)
+    x = data.names.index("pot_x")
+    objects = data.objects[rows].copy()
+    objects[:, x : x + 3] += shift.things[:, 2 + pot].numpy()
+    assert not shift.things[0].any()
+    assert shift.things[1:, 2 + pot].all()
+    shown, moved = (
+        features(data.state[rows], one, data.names) for one in (data.objects[rows], objects)
+    )
+    told = shift.features(rotations, data.names, shown.shape[1]).numpy()
+    assert np.allclose(moved - shown, told, atol=1e-5)
+
+    goals = torch.eye(3)[:2].expand(len(rows), 30, 2, 2, 3).double()  # tools as the table is
+    moved = shift.labels(goals).numpy()
+    held_on = np.arange(30)[None, :, None] < grasps.left[rows][:, None]
+    away = shift.things[:, 2 + pot].numpy()
+    inside = np.einsum("bsij,bi->bsj", here.rotations[rows, :2], away)
+    brought = np.where(held_on[..., None], moved + inside[:, None], 0.0)
+    assert np.allclose(brought, 0.0, atol=1e-9)
+    assert not moved[~held_on].any()
+
+
 def learned(
     scores: list[tuple[int, float]], out: Path, stopped_at: int = -1, seed: int = 0
 ) -> dict[str, Any]:
@@ -561,20 +613,27 @@ def test_networks_are_told_apart_on_layouts_of_their_own() -> None:
     import own_play  # pyright: ignore[reportMissingImports]
     from nearest import Nearest  # pyright: ignore[reportMissingImports]
 
-    layouts: list[int] = []
+    begun: list[np.ndarray | None] = []
 
     class Played(Nearest):
         def reset(self, instruction: str, seed: int) -> None:
-            layouts.append(seed)
+            begun.append(None)
             super().reset(instruction, seed)
+
+        def act(self, observation: Any) -> np.ndarray:
+            if begun[-1] is None:
+                begun[-1] = observation["environment_state"].copy()
+            return super().act(observation)
 
     trial = own_play.Trial(TASK, 2)
     first = trial.score(Played())
     assert 0 <= first[0] <= 2
     assert first[0] / 2 <= first[1] <= 1
     assert trial.score(Played()) == first
-    assert layouts[:2] == layouts[2:]
-    assert layouts[0] != layouts[1]
+    env = duobench.make(TASK, cameras=False, object_state=True, split=TRAIN)
+    seeds = [episode_seed(TASK, number, TRAIN) for number in (20_000, 20_001)]
+    layouts = [env.reset(seed=seed)[0]["environment_state"] for seed in seeds]
+    assert np.array_equal(begun, [*layouts, *layouts])
 
 
 def options(exports: Path, folder: Path, **words: object) -> SimpleNamespace:
@@ -644,16 +703,19 @@ def test_the_table_goes_on_where_it_was_stopped(
 def test_what_a_policy_achieved_is_there_to_be_learned_from(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    import own_play  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
-    from own_play import practise  # pyright: ignore[reportMissingImports]
 
+    monkeypatch.setattr(own_play, "LEARNED", 1)  # which is among those that were shown
     shown = Demonstrations.load(exports / TASK)
     monkeypatch.chdir(EXAMPLES)
-    own, told = practise("nearest:Nearest", TASK, tmp_path, 1)
-    assert told["kept"] == 1 <= told["played"]
+    own, told = own_play.practise("nearest:Nearest", TASK, tmp_path, 1)
+    assert told["kept"] == told["played"] == 1
+    (path,) = DataSet.open(tmp_path / "episodes").episodes()
+    assert Recording.read_info(path).seed == episode_seed(TASK, 1, TRAIN)
     assert len(own.lengths) == 1
     assert own.names == shown.names
-    again, _ = practise("nearest:Nearest", TASK, tmp_path, 1)
+    again, _ = own_play.practise("nearest:Nearest", TASK, tmp_path, 1)
     assert np.array_equal(own.labels, again.labels)
     both = shown + own
     assert both.lengths.tolist() == [*shown.lengths, *own.lengths]
@@ -667,8 +729,8 @@ def test_a_network_learns_from_what_the_one_before_it_achieved(
 ) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     import network  # pyright: ignore[reportMissingImports]
+    import own_play  # pyright: ignore[reportMissingImports]
     import table  # pyright: ignore[reportMissingImports]
-    from own_play import practise  # pyright: ignore[reportMissingImports]
 
     learned, played = [], []
 
@@ -680,11 +742,12 @@ def test_a_network_learns_from_what_the_one_before_it_achieved(
     def by_nearest(policy: str, task: str, folder: Path, count: int) -> Any:
         played.append((policy, os.environ["CHECKPOINT"]))
         os.environ["CHECKPOINT"] = str(exports / TASK)
-        return practise("nearest:Nearest", task, folder, count)
+        return own_play.practise("nearest:Nearest", task, folder, count)
 
     monkeypatch.chdir(EXAMPLES)
     monkeypatch.setattr(network, "train", train)
     monkeypatch.setattr(table, "practise", by_nearest)
+    monkeypatch.setattr(own_play, "LEARNED", 0)  # which was shown
     asked = options(exports, tmp_path, self_imitation=1)
     checkpoint, told = table.trained(asked, TASK, 0)
     first = tmp_path / "runs" / "2" / TASK / "0.npz"
@@ -887,15 +950,17 @@ def test_rays_meet_in_poses_and_an_object_that_none_sees_stays_beside_the_others
     from rays import Points, Usual, meet  # pyright: ignore[reportMissingImports]
 
     rng = np.random.default_rng(0)
-    shown = rng.normal([0.5, 0.0, 0.05], 0.1, size=(100, 1, 3))
-    shown = shown + np.array([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]])  # a ball always beside a cube
-    usual, points = Usual.of(shown), Points.of(POINTED)
+    points = Points.of(POINTED)
     assert points.things.tolist() == [0] * 7 + [1]
     assert np.isclose(points.shares().sum(), 1)
     assert np.isclose(points.shares()[7], 0.5)
-    places = shown[:8] + rng.normal(scale=0.02, size=(8, 2, 3))
-    turns = np.tile(np.eye(3), (8, 2, 1, 1))
-    turns[:, 0] = [rotation_about((0, 0, 1), angle) for angle in np.linspace(-0.8, 0.8, 8)]
+    cubes = rng.normal([0.5, 0.0, 0.05], 0.1, size=(100, 3))
+    turns = np.tile(np.eye(3), (100, 2, 1, 1))
+    turns[:, 0] = [rotation_about((0, 0, 1), angle) for angle in rng.uniform(-0.8, 0.8, 100)]
+    beside = cubes + 0.1 * turns[:, 0, :, 1]  # there the ball always was
+    usual = Usual.of(points, np.stack([cubes, beside], axis=1), turns)
+    cubes, beside, turns = cubes[:8], beside[:8], turns[:8]
+    places = np.stack([cubes, beside + rng.normal(scale=0.02, size=(8, 3))], axis=1)
     aside = [rotation_about(axis, np.radians(20)) for axis in rng.normal(size=(8, 3))]
     guess = turns.copy()
     guess[:, 0] = np.array(aside) @ turns[:, 0]
@@ -905,7 +970,7 @@ def test_rays_meet_in_poses_and_an_object_that_none_sees_stays_beside_the_others
 
     blind = looked_at(places, turns)  # maps of what is not in an image
     blind.sharpness[:, 2] = 2.0
-    blind.origins[:, 2] = usual.mean[0]  # a hand is there
+    blind.origins[:, 2] = usual.mean[-1, 0]  # a hand is there
     blind.ways[:, 2] = -blind.ways[:, 2, ::-1]
     found, turned = meet(blind, points, usual, guess)
     assert np.abs(found - places).max() < 1e-4
@@ -914,10 +979,9 @@ def test_rays_meet_in_poses_and_an_object_that_none_sees_stays_beside_the_others
     hidden = looked_at(places, turns)
     hidden.sharpness[:, :, 7] = 1e-3
     found, _ = meet(hidden, points, usual, guess)
-    beside = places[:, 0] + (0.0, 0.1, 0.0)
-    assert np.abs(found[:, 0] - places[:, 0]).max() < 1e-4
-    assert np.abs(found[:, 1] - beside).max() < 5e-3
-    assert np.linalg.norm(usual.mean[1] - beside, axis=-1).max() > 0.1
+    assert np.abs(found[:, 0] - cubes).max() < 1e-4
+    assert np.abs(found[:, 1] - beside).max() < 2e-3
+    assert np.linalg.norm(usual.mean[-1, 1] - beside, axis=-1).max() > 0.1
 
 
 @pytest.mark.usefixtures("example")
@@ -956,7 +1020,8 @@ def test_rays_meet_where_an_object_is_and_patches_lie_on_it(gripper: str) -> Non
     spread = torch.zeros(1, len(net.points.things))
     views = [sight.Seen(spread, pixels, spread, spread) for pixels, _ in points]
     views[2] = replace(views[2], pixels=views[2].pixels + 50.0, spread=spread + 1e6)
-    usual = Usual(np.zeros((1, 3)), np.eye(3))  # the third does not see it
+    far_from_sure = np.stack([np.zeros((3, 3)), np.eye(3)])[:, None]
+    usual = Usual(np.zeros((2, 1, 3)), far_from_sure)  # the third does not see it
     rays = net.rays(views, cameras.numpy())
     places, turns = meet(rays, net.points, usual, np.eye(3)[None, None])
     assert np.allclose(places[0, 0], cube, atol=1e-3)
