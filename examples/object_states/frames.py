@@ -21,8 +21,6 @@ from duobench.world.robot.frames import ROBOT, Robot
 Rows = NDArray[np.float32]
 QUARTERS = 4
 JOINTS_AND_OPENINGS = len(SIDES) * (ARM_JOINTS + 1)
-FAR = 0.2
-"""Metres between things from which on it blurs no further where one is from the other."""
 _QUARTER = 2 * math.pi / QUARTERS
 _MAZE_SIDE, _BOARD = 5, "board"
 """Cells along a side of the maze of `ball_maze`, and what it is a part of."""
@@ -98,7 +96,29 @@ def features(
     Raises:
         DataError: The object states have other numbers, as those of another task.
     """
-    return _seen(state, objects, names, robot)[0]
+    if objects.shape[1] != len(names):
+        raise DataError(
+            f"Object states of {objects.shape[1]} numbers are those of another task than the "
+            f"demonstrated ones, which have {len(names)}."
+        )
+    here, rows = frames(state, objects, names, robot), len(state)
+    seen = [state, objects]
+    for k in range(here.positions.shape[1]):
+        back = here.rotations[:, k]
+        ways = np.delete(here.positions, k, axis=1) - here.positions[:, k, None]
+        seen += [np.einsum("tij,tki->tkj", back, ways).reshape(rows, -1)]
+        turns = np.einsum("tij,tkil->tkjl", back, here.rotations[:, : len(SIDES)])[
+            ..., :2
+        ]
+        seen += [turns.reshape(rows, -1)]
+    things = slice(len(SIDES), -1)
+    seen += [here.rotations[:, things, :, 0].reshape(rows, -1)]
+    seen += [np.eye(QUARTERS)[here.quarters[:, things]].reshape(rows, -1)]
+    if _BOARD in bodies(names) and "goal_row" in names:
+        seen += [
+            _maze(objects, names, here.quarters[:, 2 + bodies(names).index(_BOARD)])
+        ]
+    return np.hstack(seen).astype(np.float32)
 
 
 def columns(names: tuple[str, ...]) -> tuple[list[slice], list[slice]]:
@@ -112,54 +132,6 @@ def columns(names: tuple[str, ...]) -> tuple[list[slice], list[slice]]:
         ways.append(slice(first, first + 3 * (things - 1)))
         first = ways[-1].stop + 6 * len(SIDES)
     return [slice(place, place + 3) for place in places], ways
-
-
-def blurs(
-    state: Rows, objects: Rows, names: tuple[str, ...], robot: Robot = ROBOT
-) -> Rows:
-    """By how much each of the features (T, k) may be off, as a share of the most.
-
-    Where a thing is from another one is the better known the nearer they are: what a hand holds it
-    knows exactly.
-    """
-    return _seen(state, objects, names, robot)[1]
-
-
-def _seen(
-    state: Rows, objects: Rows, names: tuple[str, ...], robot: Robot
-) -> tuple[Rows, Rows]:
-    if objects.shape[1] != len(names):
-        raise DataError(
-            f"Object states of {objects.shape[1]} numbers are those of another task than the "
-            f"demonstrated ones, which have {len(names)}."
-        )
-    here, rows = frames(state, objects, names, robot), len(state)
-    seen = [state, objects]
-    blur = [np.ones_like(state), np.ones_like(objects)]
-    for k in range(here.positions.shape[1]):
-        back = here.rotations[:, k]
-        ways = np.delete(here.positions, k, axis=1) - here.positions[:, k, None]
-        seen += [np.einsum("tij,tki->tkj", back, ways).reshape(rows, -1)]
-        far = np.minimum(np.linalg.norm(ways, axis=-1) / FAR, 1)
-        blur += [np.repeat(far, 3, axis=1)]
-        turns = np.einsum("tij,tkil->tkjl", back, here.rotations[:, : len(SIDES)])[
-            ..., :2
-        ]
-        seen += [turns.reshape(rows, -1)]
-        blur += [np.ones_like(seen[-1])]
-    things = slice(len(SIDES), -1)
-    seen += [here.rotations[:, things, :, 0].reshape(rows, -1)]
-    seen += [np.eye(QUARTERS)[here.quarters[:, things]].reshape(rows, -1)]
-    if _BOARD in bodies(names) and "goal_row" in names:
-        seen += [
-            _maze(objects, names, here.quarters[:, 2 + bodies(names).index(_BOARD)])
-        ]
-    blur += [
-        np.ones(
-            (rows, sum(map(np.size, seen)) // rows - sum(map(np.size, blur)) // rows)
-        )
-    ]
-    return np.hstack(seen).astype(np.float32), np.hstack(blur).astype(np.float32)
 
 
 def _vector(objects: Rows, names: tuple[str, ...], thing: str, axis: str) -> Rows:

@@ -192,8 +192,8 @@ def train(
         how: How long.
 
     Returns:
-        What is told of it: passes over the images, steps, how many images of a camera there are,
-        and how far off what it does not learn from is seen; see `_Rows.told`.
+        What is told of it: recipe, steps, how many images of a camera there are, and how far off
+        what it does not learn from is seen; see `_Rows.told`.
 
     Raises:
         DataError: The network that acts is of another task.
@@ -225,7 +225,8 @@ def train(
     chosen = np.array(rows.kinds.chosen, dtype=np.int64)
     usual = {f"{USUAL}{k}": part for k, part in asdict(rows.usual).items()}
     np.savez(out, **dict(np.load(acts)) | sight | usual, chosen=chosen)
-    told = {"passes": how.passes, "steps": steps, "images": len(pictures.state)}
+    recipe = asdict(how) | {"seed": seed}
+    told = {"recipe": recipe, "steps": steps, "images": len(pictures.state)}
     return told | rows.told(Images(out))
 
 

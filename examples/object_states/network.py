@@ -30,7 +30,7 @@ from demonstrations import (
     openings,
     to_actions,
 )
-from frames import Frames, blurs, features, frames
+from frames import Frames, features, frames
 from grasps import Grasps, Shift
 from learning import Training, learn
 from numpy.typing import NDArray
@@ -151,7 +151,6 @@ class _Rows:
         self._names = data.names
         parts = {
             "x": _normal(features(*now), scale),
-            "blur": NOISE * blurs(*now) / scale["x_scale"],
             "positions": here.positions,
             "rotations": here.rotations,
             "labels": (data.labels - scale["y_mean"]) / scale["y_scale"],
@@ -175,12 +174,10 @@ class _Rows:
 
         rotations, labels = self.rotations[rows], self.labels[self.chunks[rows]]
         shift = Shift.drawn(OTHERWISE, self.held[rows], self.left[rows], rotations)
-        x, blur = self.x[rows], self.blur[rows]
-        seen = shift.features(rotations, self._names, x.shape[1]) / self.x_scale
-        noise = torch.randn(x.shape).to(x)
-        told = net(
-            x + seen + blur * noise, self.positions[rows] + shift.things, rotations
-        )
+        x = self.x[rows]
+        seen = shift.features(rotations, self._names, x.shape[1])
+        seen = (seen + NOISE * torch.randn(x.shape).to(x)) / self.x_scale
+        told = net(x + seen, self.positions[rows] + shift.things, rotations)
         goals = (labels * self.y_scale + self.y_mean).unflatten(-1, (len(SIDES), -1))
         moved = shift.labels(goals[..., 3:POSE].unflatten(-1, (2, 3)))
         moved = torch.nn.functional.pad(moved, (0, goals.shape[-1] - 3)).flatten(2)
