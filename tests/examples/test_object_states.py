@@ -471,12 +471,14 @@ def test_what_is_held_otherwise_is_brought_to_where_it_was_shown(exports: Path) 
     assert (grasps.things[[*starts, *(ends - 1)]] == NOTHING).all()
     both = np.flatnonzero((grasps.things == pot).all(axis=1))
     assert len(both) > 50
-    opens = data.labels[:, opening_columns(data.labels)] > 0.5
-    for row in both[::20]:
+    opens = data.labels[:, opening_columns(data.labels)] > 0.1  # less than half, beside handles
+    assert opens[starts].all()
+    assert not opens[both].any()
+    for row in both[::10]:
         for side in range(2):
             left = grasps.left[row, side]
             assert not opens[row : row + left, side].any()
-            assert row + left in ends or opens[row + left, side]
+            assert opens[row + left, side]
 
     rows = np.array([starts[0], *both[::10]])
     held, left, rotations = (
@@ -501,6 +503,7 @@ def test_what_is_held_otherwise_is_brought_to_where_it_was_shown(exports: Path) 
     inside = np.einsum("bsij,bi->bsj", here.rotations[rows, :2], away)
     brought = np.where(held_on[..., None], moved + inside[:, None], 0.0)
     assert np.allclose(brought, 0.0, atol=1e-9)
+    assert (~held_on[1:]).any()
     assert not moved[~held_on].any()
 
 
@@ -539,8 +542,11 @@ def test_a_network_learns_while_it_plays_better_and_the_best_is_kept(tmp_path: P
     rising = [(n // 2, 0.5 + n / 100) for n in range(8)]
     assert learned(rising, tmp_path / "most.npz")["steps"] == 60
     assert learned([(4, 1.0)] * 6, tmp_path / "perfect.npz")["steps"] == 20
-    kept, last = (dict(np.load(tmp_path / f"{name}.npz")) for name in ("kept", "most"))
-    assert not np.array_equal(kept["weight"], last["weight"])
+    kept, last, second = (
+        np.load(tmp_path / f"{name}.npz")["weight"] for name in ("kept", "most", "perfect")
+    )
+    assert np.array_equal(kept, second)  # that of step 20
+    assert not np.array_equal(kept, last)
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(
         ["kept.npz", "most.npz", "perfect.npz"]
     )
@@ -957,9 +963,10 @@ def test_rays_meet_in_poses_and_an_object_that_none_sees_stays_beside_the_others
     cubes = rng.normal([0.5, 0.0, 0.05], 0.1, size=(100, 3))
     turns = np.tile(np.eye(3), (100, 2, 1, 1))
     turns[:, 0] = [rotation_about((0, 0, 1), angle) for angle in rng.uniform(-0.8, 0.8, 100)]
-    beside = cubes + 0.1 * turns[:, 0, :, 1]  # there the ball always was
-    usual = Usual.of(points, np.stack([cubes, beside], axis=1), turns)
-    cubes, beside, turns = cubes[:8], beside[:8], turns[:8]
+    slides = 0.1 + rng.normal(scale=0.03, size=(100, 1))  # along an axis of the cube
+    usual = Usual.of(points, np.stack([cubes, cubes + slides * turns[:, 0, :, 1]], axis=1), turns)
+    cubes, turns = cubes[:8], turns[:8]
+    beside = cubes + slides.mean() * turns[:, 0, :, 1]
     places = np.stack([cubes, beside + rng.normal(scale=0.02, size=(8, 3))], axis=1)
     aside = [rotation_about(axis, np.radians(20)) for axis in rng.normal(size=(8, 3))]
     guess = turns.copy()
@@ -976,11 +983,18 @@ def test_rays_meet_in_poses_and_an_object_that_none_sees_stays_beside_the_others
     assert np.abs(found - places).max() < 1e-4
     assert degrees_off(turned, turns)[:, 0].max() < 0.1
 
+    slid = np.stack([cubes, cubes + 0.15 * turns[:, 0, :, 1]], axis=1)
+    plain = looked_at(slid, turns)
+    plain.sharpness[:, :, 1:7] = 1e-3  # that a cube is turned shows only where the ball is
+    guess[:, 0] = rotation_about((0, 0, 1), np.radians(20)) @ turns[:, 0]
+    _, turned = meet(plain, points, usual, guess)
+    assert degrees_off(turned, turns)[:, 0].max() < 0.5
+
     hidden = looked_at(places, turns)
     hidden.sharpness[:, :, 7] = 1e-3
     found, _ = meet(hidden, points, usual, guess)
     assert np.abs(found[:, 0] - cubes).max() < 1e-4
-    assert np.abs(found[:, 1] - beside).max() < 2e-3
+    assert np.abs(found[:, 1] - beside).max() < 0.02
     assert np.linalg.norm(usual.mean[-1, 1] - beside, axis=-1).max() > 0.1
 
 
