@@ -315,37 +315,6 @@ def test_frames_of_objects_point_forwards_and_are_turned_about_their_own_axis(gr
     assert np.allclose(here.positions[:, :2], tools, atol=1e-5)
 
 
-@pytest.mark.usefixtures("example")
-def test_where_a_thing_is_from_a_near_one_is_known_the_better() -> None:
-    from frames import FAR, blurs, features, frames  # pyright: ignore[reportMissingImports]
-
-    env = duobench.make("bin_sort", cameras=False, object_state=True)
-    names = tuple(env.get_wrapper_attr("object_state_names"))
-    seen = [env.reset(seed=seed)[0] for seed in range(3)]
-    state, objects = (np.stack([o[k] for o in seen]) for k in ("agent_pos", "environment_state"))
-    positions = frames(state, objects, names).positions
-    cube = names.index("white_cube_x")
-    objects[0, cube : cube + 3] = positions[0, 0]  # in the left hand
-    objects[1, cube : cube + 3] = positions[1, 0] + (0.0, 0.0, FAR / 4)
-    now = state, objects, names
-    told, blur = features(*now), blurs(*now)
-    assert blur.shape == told.shape
-    things = positions.shape[1]
-    first = state.shape[1] + objects.shape[1]
-    exact = np.ones_like(blur)
-    for k in range(things):
-        places = slice(first, first + 3 * (things - 1))
-        ways = told[:, places].reshape(len(state), -1, 3)
-        near = np.minimum(np.linalg.norm(ways, axis=-1) / FAR, 1)
-        exact[:, places] = near.repeat(3, axis=1)
-        if k == 0:
-            assert near[0].min() < 1e-4
-            assert np.isclose(near[1].min(), 0.25, atol=1e-3)
-        first = places.stop + 12  # two axes of both tools
-    assert np.allclose(blur, exact, atol=1e-5)
-    assert (blur == 1).any(axis=1).all()
-
-
 def brief(steps: int) -> Any:
     import learning  # pyright: ignore[reportMissingImports]
 
@@ -887,7 +856,7 @@ def test_a_network_that_sees_images_is_trained_and_played(
     acted = hashlib.sha256(acts.read_bytes()).hexdigest()
     assert acted.startswith(told["first"]["checkpoint"])
     assert told["first"]["kept"] == 2
-    assert told["passes"] == longer.passes
+    assert told["recipe"]["passes"] == longer.passes
     every, first, mean = told["off_mm"]["pot"]
     assert max(every, first) < mean  # in an episode that it did not learn from
     with pytest.raises(DataError, match="of another task"):
