@@ -174,9 +174,11 @@ def see(
     """Train one that sees for another one; what is told of it."""
     import images  # needs PyTorch to be read
 
+    before = processor_seconds()
     how = images.Training(device=asked.device)
     pictures = images.see(asked.images, task, data, how.layouts)
-    return images.train(acts, data, pictures, out, seed, how)
+    told = images.train(acts, data, pictures, out, seed, how)
+    return told | {"seconds": round(processor_seconds() - before)}
 
 
 def _hash(checkpoint: Path) -> str:

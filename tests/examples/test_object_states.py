@@ -736,6 +736,43 @@ def test_a_network_learns_from_what_the_one_before_it_achieved(
     assert learned == [2, 3]
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
+def test_minutes_of_what_came_first_are_told_apart(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import images  # pyright: ignore[reportMissingImports]
+    import learning  # pyright: ignore[reportMissingImports]
+    import network  # pyright: ignore[reportMissingImports]
+    import table  # pyright: ignore[reportMissingImports]
+
+    spent = [0.0]
+
+    def acts(_data: object, _task: str, out: Path, *_: object) -> dict[str, int]:
+        spent[0] += 60
+        out.write_bytes(b"acts")
+        return {"seconds": 60}
+
+    def shown(*_: object) -> None:
+        spent[0] += 120
+
+    def sees(_acts: Path, _data: object, _shown: None, out: Path, *_: object) -> dict[str, int]:
+        spent[0] += 180
+        out.write_bytes(b"sees")
+        return {}
+
+    monkeypatch.setattr(network, "train", acts)
+    monkeypatch.setattr(images, "see", shown)
+    monkeypatch.setattr(images, "train", sees)
+    for module in (learning, table):
+        monkeypatch.setattr(module, "processor_seconds", lambda: spent[0])
+    asked = options(exports, tmp_path, images=tmp_path)
+    _, told = table.trained(asked, TASK, 0)
+    assert (told["first"]["seconds"], told["seconds"]) == (60, 300)
+    assert table._minutes(told) == "1 + 5"
+
+
 @pytest.mark.usefixtures("example")
 def test_the_interval_holds_the_spread_of_the_seeds() -> None:
     from table import interval  # pyright: ignore[reportMissingImports]
