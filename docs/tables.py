@@ -407,10 +407,10 @@ def _print_of(solid: Solid) -> tuple[str, str, str]:
     return str(len(pieces)), size, f"{1000 * mass_properties(solid).mass:.0f}"
 
 
-def learned(*setting: str, what: str = "table") -> Callable[[], str]:
+def learned(setting: str, what: str = "table") -> Callable[[], str]:
     """What the baselines on object states reached, as their own program prints it."""
     return lambda: "\n".join(
-        [*getattr(baselines, what)(baselines.RESULTS, *setting), ""]
+        [*getattr(baselines, what)(baselines.RESULTS, setting), ""]
     )
 
 
@@ -439,7 +439,6 @@ TABLES: Mapping[str, Places] = {
     "baselines": {
         "learned from 50": learned("50"),
         "learned from 200": learned("200"),
-        "demonstrations and passes": learned(what="curve"),
         "failures with 50": learned("50", what="failures"),
         "learned from own successes": learned("50-self-150"),
         "learned from images": learned("200-images"),

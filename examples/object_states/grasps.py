@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from demonstrations import CLOSES_FROM, Demonstrations, opening_columns
+from demonstrations import Demonstrations, opening_columns
 from frames import Frames, columns
 from numpy.typing import NDArray
 
@@ -51,7 +51,7 @@ class Grasps:
         soon = np.minimum(rows + SOON, ends - 1)
         things, left = [], []
         for side, column in enumerate(opening_columns(data.labels)):
-            closed = data.labels[:, column] < CLOSES_FROM
+            closed = _closed(data.labels[:, column], ends)
             stretch = _stretches(closed, ends)
             first = np.searchsorted(stretch, stretch)
             last = np.searchsorted(stretch, stretch, "right") - 1
@@ -67,6 +67,19 @@ class Grasps:
             things.append(np.where(held[rows, thing], thing, NOTHING))
             left.append(np.where(closed, last + 1 - rows, 0))
         return Grasps(np.stack(things, axis=1), np.stack(left, axis=1))
+
+
+def _closed(
+    openings: NDArray[np.floating], ends: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Rows (T,) of which the last change of an opening was to a smaller one.
+
+    A hand that is open may be told less than half: it was then opened as far as it had room.
+    """
+    changes = np.sign(np.diff(openings.round(3), prepend=openings[0]))
+    changes[np.diff(ends, prepend=0) != 0] = 1.0  # an episode begins with open hands
+    last = np.where(changes != 0, np.arange(len(changes)), 0)
+    return changes[np.maximum.accumulate(last)] < 0
 
 
 def _stretches(closed: NDArray[np.bool_], ends: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -1,8 +1,8 @@
 """A network plays layouts of `train` by itself: to learn from that, or to tell how good it is.
 
-Demonstrations begin with layout 0, what it learns from by playing with `LEARNED`, what it sees at
-rest with `AT_REST`, and what networks are told apart by with `TRIED`: these never meet, and no
-layout of `eval` decides anything. What counts as success is what counts everywhere.
+Demonstrations begin with layout 0, what it plays or sees at rest to learn from with `LEARNED`, and
+what networks are told apart by with `TRIED`: these never meet, and no layout of `eval` decides
+anything. What counts as success is what counts everywhere.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from duobench.policy import Policy
 from duobench.results import find_tasks
 from duobench.results.run import needed_options
 
-LEARNED, AT_REST, TRIED = 10_000, 15_000, 20_000
+LEARNED, TRIED = 10_000, 20_000
 """Numbers of the first layouts of `train` for each of these."""
 EXPORTED = (
     "--per-task",
@@ -38,7 +38,7 @@ EXPORTED = (
 
 
 def practise(
-    policy: str, task: str, folder: Path, episodes: int, *, keep_failures: bool = False
+    policy: str, task: str, folder: Path, episodes: int
 ) -> tuple[Demonstrations, dict[str, Any]]:
     """Have a policy play until so many episodes have succeeded; goes on where it was stopped.
 
@@ -46,12 +46,11 @@ def practise(
         policy: What plays, as `module:attribute`.
         task: Its task.
         folder: Where recordings, and their export, are written.
-        episodes: How many are kept.
-        keep_failures: Keep every episode, whether it succeeds or not.
+        episodes: How many.
 
     Returns:
-        What is kept, as `network.py` learns from it, and what is told of it: how many episodes
-        were played.
+        The successes, as `network.py` learns from them, and what is told of them: how many
+        episodes were played.
 
     Raises:
         TooFewSuccessesError: It hardly ever succeeds.
@@ -65,7 +64,6 @@ def practise(
             data,
             episodes=episodes,
             first=LEARNED,
-            keep_failures=keep_failures,
         )
         command = [sys.executable, "-m", "duobench", "export", "lerobot", data.path]
         command += ["--out", out]

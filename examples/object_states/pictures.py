@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from demonstrations import Demonstrations, Rows
 from numpy.typing import NDArray
+from own_play import LEARNED
 from sight import SIZES
 
 import duobench
@@ -26,8 +27,6 @@ EVERY = 6
 """Rows of an episode from one image that is learned from to the next."""
 HELD_OUT = 10
 """Every n-th episode and layout is not learned from, and tells how well is seen."""
-AT_REST = 10_000
-"""Number of the first layout of `train` that is looked at without a demonstration."""
 MOVED = 10
 """Rows before one of a layout at rest under arms that are elsewhere, as they are counted."""
 Pixels = NDArray[np.uint8]
@@ -117,7 +116,7 @@ def at_rest(task: str, data: Demonstrations, count: int) -> Pictures:
 
     def shown() -> Iterator[Simulation]:
         for n in range(count):
-            seen, _ = env.reset(seed=episode_seed(task, AT_REST + n, TRAIN))
+            seen, _ = env.reset(seed=episode_seed(task, LEARNED + n, TRAIN))
             state = seen["agent_pos"]
             if n % 2:
                 arms = data.state[rows[n]].reshape(len(SIDES), -1).copy()
