@@ -55,9 +55,15 @@ class Points:
         return Points(np.array(things), np.concatenate(offsets))
 
     def shares(self) -> Array:
-        """What each point (J,) counts, so that every object counts alike, and all of them one."""
-        counts = np.bincount(self.things)
-        return 1 / counts[self.things] / len(counts)
+        """What each point (J,) counts: all objects alike, and origins as much as other points."""
+        origins = (self.offsets == 0).all(1)
+        others = np.bincount(self.things[~origins], minlength=origins.sum())[
+            self.things
+        ]
+        shares = np.where(
+            others == 0, 1.0, 1 / 2 / np.where(origins, 1, np.maximum(others, 1))
+        )
+        return shares / origins.sum()
 
     def at(self, places: Array, turns: Array) -> Array:
         """Points (T, J, 3) of objects at places (T, K, 3) that are turned (T, K, 3, 3)."""
