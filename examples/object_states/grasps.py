@@ -76,8 +76,11 @@ def _closed(
 
     A hand that is open may be told less than half: it was then opened as far as it had room.
     """
-    changes = np.sign(np.diff(openings.round(3), prepend=openings[0]))
-    changes[np.diff(ends, prepend=0) != 0] = 1.0  # an episode begins with open hands
+    starts = np.flatnonzero(np.diff(ends, prepend=0))
+    before = np.roll(openings, 1)
+    before[starts] = openings.max()  # an episode begins with open hands
+    changes = np.sign((openings - before).round(3))
+    changes[starts] = np.where(changes[starts] < 0, -1, 1)
     last = np.where(changes != 0, np.arange(len(changes)), 0)
     return changes[np.maximum.accumulate(last)] < 0
 

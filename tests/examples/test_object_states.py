@@ -422,6 +422,16 @@ def test_a_thing_is_brought_to_the_same_place_however_it_is_held(tmp_path: Path)
     assert np.abs(chunks[1] - chunks[0]).max() > 0.02
 
 
+@pytest.mark.usefixtures("example")
+def test_a_hand_is_closed_from_where_it_closed_to_where_it_opens() -> None:
+    from grasps import _closed  # pyright: ignore[reportMissingImports]
+
+    openings = np.float32([0.45, 0.45, 0.0, 0.0, 0.2, 0.45, 0.45, 0.0, 0.0, 0.0, 0.45])
+    episodes = np.repeat([5, 8, 11], [5, 3, 3])
+    closed = [False, False, True, True, False, False, False, True, True, True, False]
+    assert _closed(openings, episodes).tolist() == closed
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("example", "checkpoint")
 def test_what_is_held_otherwise_is_brought_to_where_it_was_shown(exports: Path) -> None:
