@@ -19,7 +19,7 @@ from learning import once
 import duobench
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.data import DataSet
-from duobench.evaluation.rollouts import rollout
+from duobench.evaluation import rollout
 from duobench.evaluation.runners import record
 from duobench.policy import Policy
 from duobench.results import find_tasks
