@@ -34,8 +34,8 @@ class Training:
     """Steps between two looks at how it plays."""
     most: int = 30_000
     """Steps at most."""
-    patience: int = 10_000
-    """Steps without a better look, after which it is over."""
+    patience: int = 5_000
+    """Steps in which no look sees more successes, after which it is over."""
     episodes: int = 40
     """Episodes of a look. Success in all of them, twice in a row, ends it too."""
     device: str = "cpu"
@@ -134,11 +134,12 @@ def _is_over(looks: list[tuple[int, float]], how: Training) -> bool:
     """Whether a network learns no longer."""
     if not looks:
         return False
-    best = _best(looks)
+    successes = [number for number, _ in looks]
+    late = len(looks) - 1 - successes.index(max(successes))
     return (
-        [successes for successes, _ in looks[-2:]] == [how.episodes] * 2
+        successes[-2:] == [how.episodes] * 2
         or len(looks) * how.every >= how.most
-        or (len(looks) - 1 - best) * how.every >= how.patience
+        or late * how.every >= how.patience
     )
 
 
