@@ -1,12 +1,13 @@
 """Measure corrections: policies that fail, and a scripted person who takes over.
 
 `python -m dev.benchmarks.corrections --out DIR` lets `random`, and an expert that freezes, play in
-two tasks. It prints how often the person gets to success, and the largest step of a commanded
-target where the leader changes, beside what a joint may move in a step.
+two tasks; `--policies` may name others, as `module:attribute`. Kept are episodes that
+the person led to success, and it goes on until there are enough of them. It prints how often the
+person got there, and the policy without one, and the largest step of a commanded target where the
+leader changes, beside what a joint may move in a step.
 """
 
 import argparse
-from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +17,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dev.tools.corrector import AtStep, Corrector, Sees, StandsStill, play
+from dev.tools.corrector import AtStep, Corrector, Fails, Sees, StandsStill, play
 from dev.tools.entries import entry
 from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array
-from duobench.data import Actor, ActorKind, DataSet, Recording
+from duobench.data import Actor, ActorKind, DataSet
+from duobench.data.attempts import of_task
 from duobench.evaluation.policies import ExpertPolicy, source
 from duobench.policy import Policy, PolicyMetadata
 from duobench.teleop.hands import HandDevice
@@ -29,8 +31,11 @@ from duobench.world.robot.joints import VELOCITY_LIMITS
 
 TASKS = ("carry_pot", "transfer_cube")
 PERSON = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="corrector", device="hands")
-TIME_LIMIT_S = 45.0
+TIME_LIMIT_S = 75.0
 """Simulated seconds of an episode."""
+LAYOUTS = range(10_000, 20_000)
+"""Layouts of `train` that are led: demonstrations have those before, and networks are told apart by
+those behind."""
 LIMIT = np.tile(np.array(VELOCITY_LIMITS), 2) / CONTROL_HZ
 """What each joint may move in a control step (14,), in radians."""
 RANDOM, FROZEN = POLICIES = ("random", "frozen")
@@ -64,7 +69,11 @@ class Corrected:
     """Outcome of some episodes."""
 
     episodes: int
-    successes: int
+    """Those that the person led to success."""
+    failures: int
+    """Those in which the person did not get there."""
+    alone: int
+    """Those in which the policy did."""
     takeovers: int
     releases: int
     share: float
@@ -76,43 +85,48 @@ class Corrected:
 
 
 def record(task: str, policy: str, data: DataSet, episodes: int) -> None:
-    """Record corrected episodes of one task and policy."""
-    found = source(RANDOM)
+    """Record corrected episodes of one task and policy, until there are so many."""
+    found = source(RANDOM if policy == FROZEN else policy)
     recorder = make_recorder(
         task, data, PERSON, metadata=found.metadata, time_limit_s=TIME_LIMIT_S
     )
-    made: Policy = found.bind(recorder) if policy == RANDOM else FrozenExpert(recorder)
-    actor = Actor(kind=ActorKind.POLICY, name=policy)
+    made: Policy = FrozenExpert(recorder) if policy == FROZEN else found.bind(recorder)
+    actor = Actor(kind=ActorKind.POLICY, name=policy, version=found.metadata.version)
     with (
         closing(found),
         closing(
             Teleoperation(
                 recorder,
                 HandDevice(lockstep=True),
-                episodes=episodes,
+                episodes=LAYOUTS,
                 lockstep=True,
                 policy=PolicyLeader(recorder, made, actor, waits=True),
             )
         ) as session,
     ):
-        play(session, Corrector(session, entry(task), _watching(policy), lets_go=True))
+        lets_go = policy in POLICIES
+        person = Corrector(session, entry(task), _watching(policy), lets_go=lets_go)
+        play(session, person, episodes)
 
 
 def _watching(policy: str):
     def watch(episode: int) -> Sees:
         if policy == FROZEN:
             return StandsStill()
+        if policy != RANDOM:
+            return Fails()
         step = int(np.random.default_rng(episode).integers(10, 60))
         return AtStep(step, "wrong object")
 
     return watch
 
 
-def measure(recordings: Sequence[Recording]) -> Corrected:
-    """Measure recorded corrections."""
+def measure(data: DataSet, task: str) -> Corrected:
+    """Measure recorded corrections of a task."""
     joints = np.delete(np.arange(16), OPENING_SLOTS)
     largest = asked = 0.0
     takeovers = releases = led = rows = 0
+    recordings = list(data.recordings(task))
     for each in recordings:
         is_person = np.array(
             [actor.kind is ActorKind.SCRIPTED_OPERATOR for actor in each.info.actors]
@@ -130,9 +144,12 @@ def measure(recordings: Sequence[Recording]) -> Corrected:
         releases += len(changes) - len(begun)
         assert [one.step for one in each.info.takeovers] == begun.tolist()
         assert all(one.why for one in each.info.takeovers[:1])
+    others = [one for one in of_task(data, task) if not one.kept]
+    alone = sum(one.success for one in others)
     return Corrected(
         episodes=len(recordings),
-        successes=sum(bool(each.success[-1]) for each in recordings),
+        failures=len(others) - alone,
+        alone=alone,
         takeovers=takeovers,
         releases=releases,
         share=led / max(rows, 1),
@@ -150,17 +167,26 @@ def main() -> None:
     parser.add_argument("--policies", nargs="+", default=POLICIES)
     options = parser.parse_args()
     table = Table(
-        "task", "policy", "success", "take-overs", "releases", "led", "largest", "asked"
+        "task",
+        "policy",
+        "success",
+        "alone",
+        "take-overs",
+        "releases",
+        "led",
+        "largest",
+        "asked",
     )
     for task in options.tasks:
         for policy in options.policies:
-            data = DataSet.open(options.out / policy)
+            data = DataSet.open(options.out / policy.replace(":", "-"))
             record(task, policy, data, options.episodes)
-            found = measure(list(data.recordings(task)))
+            found = measure(data, task)
             table.add_row(
                 task,
                 policy,
-                f"{found.successes} of {found.episodes}",
+                f"{found.episodes} of {found.episodes + found.failures}",
+                str(found.alone),
                 str(found.takeovers),
                 str(found.releases),
                 f"{found.share:.0%}",

@@ -13,7 +13,7 @@ from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.envs.sim_env import sim_of
 from duobench.tasks.experts.motion import Arms, Script
-from duobench.teleop.messages import Hand, Hands, Keep, Message, Why
+from duobench.teleop.messages import Discard, Hand, Hands, Keep, Message, Why
 from duobench.teleop.teleoperation import Teleoperation, TeleopState
 
 ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)
@@ -21,6 +21,9 @@ ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)
 GAP = 12
 """Control steps after the first take-over at which the person lets go once, and for how many."""
 GAP_STEPS = 6
+LATE_S, LOST_S = 6.0, 0.5
+"""Seconds without a new stage, about twice those of the slowest demonstrations, and seconds without
+a stage that was reached, after which a policy has failed."""
 
 Sees = Callable[[Teleoperation], str | None]
 """Reason to take over now; None while the policy does well."""
@@ -41,6 +44,30 @@ class StandsStill:
         return "stuck" if self._steps >= CONTROL_HZ else None
 
 
+class Fails:
+    """Sees that a policy stands still, gets no further, or has lost what it had reached.
+
+    The page tells a person as much.
+    """
+
+    def __init__(self) -> None:
+        self._stands_still = StandsStill()
+        self._best = self._since = self._lost = 0
+
+    def __call__(self, session: Teleoperation) -> str | None:
+        """The reason, once it is seen."""
+        told = session.status()
+        stage, step = told["stage"], told["step"]
+        if stage > self._best:
+            self._best, self._since = stage, step
+        self._lost = self._lost + 1 if stage < self._best else 0
+        if self._lost >= LOST_S * CONTROL_HZ:
+            return "dropped"
+        is_late = step - self._since >= LATE_S * CONTROL_HZ
+        stuck = self._stands_still(session) or ("stuck" if is_late else None)
+        return None if told["success"] else stuck
+
+
 class AtStep:
     """Takes over at a step, for a reason."""
 
@@ -55,6 +82,8 @@ class AtStep:
 
 class Corrector:
     """Leads through a session whose policy plays, one message for each control step.
+
+    Kept are episodes that the person led to success.
 
     Args:
         session: The session, in lockstep.
@@ -82,7 +111,8 @@ class Corrector:
         """What the person sends now."""
         state = self._session.state
         if state is TeleopState.DECIDE:
-            return Keep()
+            is_led = self._arms is not None
+            return Keep() if is_led and self._session.status()["success"] else Discard()
         if self._why:
             why, self._why = self._why, ""
             return Why(text=why)
@@ -137,8 +167,8 @@ class Corrector:
         return Hand(pose=numbers, sure=True, squeeze=squeeze, trigger=trigger)
 
 
-def play(session: Teleoperation, corrector: Corrector) -> None:
-    """Play a session to its end."""
-    while session.state is not TeleopState.OVER:
+def play(session: Teleoperation, corrector: Corrector, episodes: int) -> None:
+    """Play a session until so many episodes are kept."""
+    while session.kept < episodes:
         session.receive(corrector.message(), 0.0)
         session.advance(0.0)

@@ -5,13 +5,14 @@ closed around something or around nothing. An entry puts that right, and goes on
 the expert's script that are still to be done.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from duobench.core.spatial import SE3, length
 from duobench.core.types import SIDES, Side
 from duobench.tasks.experts.expert import find_script
-from duobench.tasks.experts.handling import place
+from duobench.tasks.experts.handling import pick, place
 from duobench.tasks.experts.handover import (
     clasp,
     let_go,
@@ -25,8 +26,10 @@ from duobench.tasks.experts.motion import (
     NEAR,
     Arms,
     Script,
+    down,
     grip,
     move,
+    nearest_turn,
     release,
     together,
     wait,
@@ -42,6 +45,8 @@ from duobench.world.robot.mounts import HOME_JOINTS
 
 Entry = Callable[[Arms], Script]
 
+_parts: Any = join_script  # its steps, which only its own script calls otherwise
+
 BACK = 0.10
 """Way in metres that a hand goes back along its own axis before it goes anywhere else."""
 BESIDE = 0.15
@@ -55,6 +60,20 @@ DROP_HEIGHT = 0.075
 """Height in metres from which it lets the block fall."""
 RAISED = 0.03
 """Height in metres above the table from which on a pot is in the air."""
+LOW = 0.03
+"""Height in metres below which a bar lies on the table, or on another one."""
+LIFT, PULL = 0.06, 0.05
+"""Ways in metres by which bars are lifted off the table, and pulled apart."""
+ASIDE, ASKEW = 0.025, math.radians(35.0)
+"""How far from usual a bar may be in the hand, in metres and radians, to be led to its place."""
+BESIDE_SOCKET = 0.004
+"""How far in metres a peg that is all the way in may be from its place."""
+ROLLS = [SE3.about((1, 0, 0), n * math.pi / 2) for n in range(4)]
+TURNS = {
+    Side.LEFT: ROLLS,
+    Side.RIGHT: [SE3.at(yaw=yaw) @ roll for yaw in (0.0, math.pi) for roll in ROLLS],
+}
+"""Turns after which a bar fits as well, in its own frame."""
 
 
 def clear(arms: Arms, *sides: Side) -> Script:
@@ -128,26 +147,95 @@ def transfer_cube(arms: Arms) -> Script:
 
 
 def join_blocks(arms: Arms) -> Script:
-    """Take the bars that no hand holds, plug them together, and push them onto the wall."""
-    parts: Any = join_script  # its steps, which only its own script calls otherwise
-    missing = [side for side, bar in parts._BARS.items() if not arms.grasps(side, bar)]
+    """Take the bars that no hand holds well, plug them together, and push them onto the wall.
+
+    It ends early where a bar was lost on the way.
+    """
+    missing = [side for side in SIDES if not _is_held_well(arms, side)]
+    low = [side for side in missing if arms.sim.position(_parts._BARS[side])[2] < LOW]
     if missing:
         yield from clear(arms, *missing)
-        yield from together(*(parts._take(arms, side) for side in missing))
-    dark = SE3.at(parts._MEETING_X, 0.0, PEG_HEIGHT)
-    light = dark.moved(x=-BAR[0] - PEG_LENGTH - parts._APART)
-    apart = {Side.RIGHT: dark, Side.LEFT: light}
-    yield from parts._lead(arms, apart, speed=CAREFUL)
-    yield from parts._correct(arms, apart)
-    behind = -BAR[0] - parts._TOUCHING
-    yield from parts._lead(arms, {Side.LEFT: dark.moved(x=behind)}, speed=parts._SLOW)
-    to_wall = WALL_PLATE[0] / 2 + BAR[0] / 2 + parts._TOUCHING
+        yield from together(*(_take_bar(arms, side) for side in missing))
+        up = {side: arms.targets[side].moved(z=LIFT) for side in low}
+        yield from move(arms, up, speed=CAREFUL, arrive=False)
+    # What was plugged together on the table has to be plugged together in the air.
+    if low or not _are_joined(arms):
+        yield from _join_anew(arms)
+    if not (_both_hold(arms) and _are_joined(arms)):
+        return
+    behind = -BAR[0] - _parts._TOUCHING
+    to_wall = WALL_PLATE[0] / 2 + BAR[0] / 2 + _parts._TOUCHING
     front = arms.sim.pose("wall") @ SE3.at(-to_wall, 0.0, PEG_HEIGHT)
-    before = front.moved(x=-PEG_LENGTH - parts._BEFORE_WALL)
-    for goal, speed in ((before, 0.10), (front, parts._SLOW)):
+    before = front.moved(x=-PEG_LENGTH - _parts._BEFORE_WALL)
+    for goal, speed in ((before, 0.10), (front, _parts._SLOW)):
         both = {Side.RIGHT: goal, Side.LEFT: goal.moved(x=behind)}
-        yield from parts._lead(arms, both, speed=speed)
+        yield from _parts._lead(arms, _as_they_lie(arms, both), speed=speed)
     yield from clear(arms)
+
+
+def _join_anew(arms: Arms) -> Script:
+    """Pull the held bars apart where they touch, and plug them together in front of the wall."""
+    light, dark = (arms.sim.pose(_parts._BARS[side]) for side in SIDES)
+    if light.distance(dark)[0] < BAR[0] + PEG_LENGTH:
+        away = light.moved(*(-PULL * light.rotation[:, 0]))
+        yield from _parts._lead(arms, {Side.LEFT: away}, speed=_parts._SLOW)
+    meeting = SE3.at(_parts._MEETING_X, 0.0, PEG_HEIGHT)
+    behind = meeting.moved(x=-BAR[0] - PEG_LENGTH - _parts._APART)
+    apart = _as_they_lie(arms, {Side.RIGHT: meeting, Side.LEFT: behind})
+    yield from _parts._lead(arms, apart, speed=CAREFUL)
+    yield from _parts._correct(arms, apart)
+    if _both_hold(arms):
+        joined = {Side.LEFT: meeting.moved(x=-BAR[0] - _parts._TOUCHING)}
+        yield from _parts._lead(arms, _as_they_lie(arms, joined), speed=_parts._SLOW)
+
+
+def _take_bar(arms: Arms, side: Side) -> Script:
+    """Close a hand on a bar wherever it lies, also on the wall."""
+    bar = arms.sim.pose(_parts._BARS[side])
+    yaw = nearest_turn(bar.yaw, math.pi)
+    grasp = SE3(SE3.at(yaw=yaw).rotation, bar.translation) @ _grasp_of_bar(side)
+    yield from pick(arms, side, grasp, above=0.10, lift=0.0)
+
+
+def _grasp_of_bar(side: Side) -> SE3:
+    """Tool that holds a bar well, in the frame of a bar that lies as it was laid out."""
+    above = _parts._GRASP_HEIGHT - BAR[2] / 2
+    return down(_parts._GRASP_X[side], 0.0, above, tilt=_parts._TILTS[side])
+
+
+def _is_held_well(arms: Arms, side: Side) -> bool:
+    """Whether a hand holds its bar about as it takes one."""
+    bar = _parts._BARS[side]
+    held = arms.sim.pose(bar).inverse() @ arms.tcp_pose(side)
+    ways = (turn @ _grasp_of_bar(side) for turn in TURNS[side])
+    length, angle = min((held.distance(way) for way in ways), key=lambda off: off[1])
+    return arms.grasps(side, bar) and length < ASIDE and angle < ASKEW
+
+
+def _both_hold(arms: Arms) -> bool:
+    return all(arms.grasps(side, _parts._BARS[side]) for side in SIDES)
+
+
+def _are_joined(arms: Arms) -> bool:
+    """Whether the light bar's peg is all the way in a socket of the dark one."""
+    light, dark = (arms.sim.pose(_parts._BARS[side]) for side in SIDES)
+    x, y, z = (dark.inverse() @ light).apply([BAR[0] / 2 + PEG_LENGTH, 0.0, 0.0])
+    depth = BAR[0] / 2 - abs(x)
+    return depth > PEG_LENGTH - BESIDE_SOCKET and math.hypot(y, z) < BESIDE_SOCKET
+
+
+def _as_they_lie(arms: Arms, bars: Mapping[Side, SE3]) -> dict[Side, SE3]:
+    """Poses of held bars that do as well as given ones, turned as little as may be.
+
+    Bars may have rolled onto their sides, and the dark one has two sockets.
+    """
+    return {
+        side: min(
+            (bar @ turn for turn in TURNS[side]),
+            key=lambda way: arms.sim.pose(_parts._BARS[side]).distance(way)[1],
+        )
+        for side, bar in bars.items()
+    }
 
 
 ENTRIES: Mapping[str, Entry] = {

@@ -113,7 +113,7 @@ class TaskProgress:
     Args:
         data: The data set; None counts what is noted here alone.
         task: Id of the task.
-        layouts: Number of its layouts.
+        layouts: Number of its layouts, or which ones.
         times: Number of wanted episodes of each.
     """
 
@@ -121,15 +121,16 @@ class TaskProgress:
         self,
         data: DataSet | None,
         task: str,
-        layouts: int,
+        layouts: int | range,
         times: int = 1,
     ) -> None:
-        self.wanted = layouts * times
+        self._layouts = range(layouts) if isinstance(layouts, int) else layouts
+        self._times = times
+        self.wanted = len(self._layouts) * times
         """Number of wanted episodes."""
         self.operators = Counter[str]()
         """Kept episodes by the pseudonym of who led them."""
         self._data, self._task = data, task
-        self._layouts, self._times = range(layouts), times
         self._seeds = dict[int | None, int](
             (episode_seed(task, each, TRAIN), each) for each in self._layouts
         )

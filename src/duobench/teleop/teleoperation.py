@@ -152,7 +152,7 @@ class Teleoperation:
         env: Environment that records, with review and clutch; see `make_recorder`.
         device: Device that the operator leads with.
         episodes: How many layouts are wanted, those of earlier sessions in the same data set
-            counted.
+            counted; or which ones.
         times: How many episodes of each are wanted.
         tasks: Ids of tasks of which the operator may choose the next one, see `chosen`.
         instruction: Instruction of the operator; empty for the task's own.
@@ -173,16 +173,17 @@ class Teleoperation:
         env: Recorder,
         device: TeleopDevice,
         *,
-        episodes: int = 10,
+        episodes: int | range = 10,
         times: int = 1,
         tasks: Collection[str] = (),
         instruction: str = "",
         lockstep: bool = False,
         policy: PolicyLeader | None = None,
     ) -> None:
-        if not 1 <= episodes <= MOST_EPISODES:
+        count = episodes if isinstance(episodes, int) else len(episodes)
+        if not 1 <= count <= MOST_EPISODES:
             raise OptionError(
-                f"A session records 1 to {MOST_EPISODES:,} episodes, got {episodes}."
+                f"A session records 1 to {MOST_EPISODES:,} episodes, got {count}."
             )
         mode = env.get_wrapper_attr("action_mode")
         if policy is None and mode != device.action_mode:
