@@ -22,6 +22,7 @@ from dev.tools.entries import entry
 from duobench.core.types import CONTROL_HZ, OPENING_SLOTS, Array
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.data.attempts import of_task
+from duobench.envs.action_modes import JOINT
 from duobench.evaluation.policies import ExpertPolicy, source
 from duobench.policy import Policy, PolicyMetadata
 from duobench.teleop.hands import HandDevice
@@ -81,7 +82,7 @@ class Corrected:
     largest: float
     """Largest step of a joint's target where the leader changes, in steps' limits."""
     asked: float
-    """The same of what the person's first action asked for."""
+    """The same of what the person's first action asked for; NaN where that is no joint target."""
 
 
 def record(task: str, policy: str, data: DataSet, episodes: int) -> None:
@@ -138,8 +139,10 @@ def measure(data: DataSet, task: str) -> Corrected:
         steps = np.abs(sent[changes] - sent[changes - 1]) / LIMIT
         begun = changes[is_person[changes]]
         wanted = np.abs(each.action[begun][:, joints] - sent[begun - 1]) / LIMIT
+        if each.info.action_mode != JOINT.name:
+            wanted[:] = np.nan
         largest = max(largest, steps.max(initial=0.0))
-        asked = max(asked, wanted.max(initial=0.0))
+        asked = np.maximum(asked, wanted.max(initial=0.0))
         takeovers += len(begun)
         releases += len(changes) - len(begun)
         assert [one.step for one in each.info.takeovers] == begun.tolist()
@@ -154,7 +157,7 @@ def measure(data: DataSet, task: str) -> Corrected:
         releases=releases,
         share=led / max(rows, 1),
         largest=largest,
-        asked=asked,
+        asked=float(asked),
     )
 
 

@@ -39,6 +39,8 @@ from duobench.tasks.experts.scripts import (
     join_blocks as join_script,
     transfer_cube as cube_script,
 )
+from duobench.tasks.join_blocks import DEPTH
+from duobench.tasks.stages.insertion import MAX_OFFSET
 from duobench.world.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
 from duobench.world.objects.pot import HEIGHT
 from duobench.world.robot.mounts import HOME_JOINTS
@@ -66,8 +68,8 @@ LIFT, PULL = 0.06, 0.05
 """Ways in metres by which bars are lifted off the table, and pulled apart."""
 ASIDE, ASKEW = 0.025, math.radians(35.0)
 """How far from usual a bar may be in the hand, in metres and radians, to be led to its place."""
-BESIDE_SOCKET = 0.004
-"""How far in metres a peg that is all the way in may be from its place."""
+OFF, OFF_TURN = 0.002, math.radians(2.0)
+"""How far in metres and radians bars may be off when they are pushed onto the wall."""
 ROLLS = [SE3.about((1, 0, 0), n * math.pi / 2) for n in range(4)]
 TURNS = {
     Side.LEFT: ROLLS,
@@ -156,6 +158,7 @@ def join_blocks(arms: Arms) -> Script:
     if missing:
         yield from clear(arms, *missing)
         yield from together(*(_take_bar(arms, side) for side in missing))
+    if low:
         up = {side: arms.targets[side].moved(z=LIFT) for side in low}
         yield from move(arms, up, speed=CAREFUL, arrive=False)
     # What was plugged together on the table has to be plugged together in the air.
@@ -169,24 +172,35 @@ def join_blocks(arms: Arms) -> Script:
     before = front.moved(x=-PEG_LENGTH - _parts._BEFORE_WALL)
     for goal, speed in ((before, 0.10), (front, _parts._SLOW)):
         both = {Side.RIGHT: goal, Side.LEFT: goal.moved(x=behind)}
-        yield from _parts._lead(arms, _as_they_lie(arms, both), speed=speed)
+        yield from _lead(arms, both, speed=speed)
+        if goal is before and _are_off(arms, both):
+            yield from _parts._correct(arms, _as_they_lie(arms, both))
     yield from clear(arms)
 
 
 def _join_anew(arms: Arms) -> Script:
     """Pull the held bars apart where they touch, and plug them together in front of the wall."""
-    light, dark = (arms.sim.pose(_parts._BARS[side]) for side in SIDES)
-    if light.distance(dark)[0] < BAR[0] + PEG_LENGTH:
-        away = light.moved(*(-PULL * light.rotation[:, 0]))
-        yield from _parts._lead(arms, {Side.LEFT: away}, speed=_parts._SLOW)
+    light, dark = (arms.sim.position(_parts._BARS[side]) for side in SIDES)
+    between = length(dark - light)
+    if between < BAR[0] + PEG_LENGTH:
+        middle = SE3.at(*dark)
+        straight = {Side.RIGHT: middle, Side.LEFT: middle.moved(x=-between)}
+        yield from _lead(arms, straight, speed=_parts._SLOW)
+        pulled = {Side.LEFT: middle.moved(x=-between - PULL)}
+        yield from _lead(arms, pulled, speed=_parts._SLOW)
     meeting = SE3.at(_parts._MEETING_X, 0.0, PEG_HEIGHT)
     behind = meeting.moved(x=-BAR[0] - PEG_LENGTH - _parts._APART)
-    apart = _as_they_lie(arms, {Side.RIGHT: meeting, Side.LEFT: behind})
-    yield from _parts._lead(arms, apart, speed=CAREFUL)
-    yield from _parts._correct(arms, apart)
+    apart = {Side.RIGHT: meeting, Side.LEFT: behind}
+    yield from _lead(arms, apart, speed=CAREFUL)
+    yield from _parts._correct(arms, _as_they_lie(arms, apart))
     if _both_hold(arms):
         joined = {Side.LEFT: meeting.moved(x=-BAR[0] - _parts._TOUCHING)}
-        yield from _parts._lead(arms, _as_they_lie(arms, joined), speed=_parts._SLOW)
+        yield from _lead(arms, joined, speed=_parts._SLOW)
+
+
+def _lead(arms: Arms, bars: Mapping[Side, SE3], *, speed: float) -> Script:
+    """Move held bars as the expert does, in whatever way they lie."""
+    yield from _parts._lead(arms, _as_they_lie(arms, bars), speed=speed)
 
 
 def _take_bar(arms: Arms, side: Side) -> Script:
@@ -208,8 +222,8 @@ def _is_held_well(arms: Arms, side: Side) -> bool:
     bar = _parts._BARS[side]
     held = arms.sim.pose(bar).inverse() @ arms.tcp_pose(side)
     ways = (turn @ _grasp_of_bar(side) for turn in TURNS[side])
-    length, angle = min((held.distance(way) for way in ways), key=lambda off: off[1])
-    return arms.grasps(side, bar) and length < ASIDE and angle < ASKEW
+    aside, askew = min((held.distance(way) for way in ways), key=lambda off: off[1])
+    return arms.grasps(side, bar) and aside < ASIDE and askew < ASKEW
 
 
 def _both_hold(arms: Arms) -> bool:
@@ -217,11 +231,17 @@ def _both_hold(arms: Arms) -> bool:
 
 
 def _are_joined(arms: Arms) -> bool:
-    """Whether the light bar's peg is all the way in a socket of the dark one."""
+    """Whether the light bar's peg is in a socket of the dark one."""
     light, dark = (arms.sim.pose(_parts._BARS[side]) for side in SIDES)
     x, y, z = (dark.inverse() @ light).apply([BAR[0] / 2 + PEG_LENGTH, 0.0, 0.0])
-    depth = BAR[0] / 2 - abs(x)
-    return depth > PEG_LENGTH - BESIDE_SOCKET and math.hypot(y, z) < BESIDE_SOCKET
+    return BAR[0] / 2 - abs(x) > DEPTH and math.hypot(y, z) < MAX_OFFSET
+
+
+def _are_off(arms: Arms, bars: Mapping[Side, SE3]) -> bool:
+    """Whether a held bar is not quite where it is to be."""
+    goals = _as_they_lie(arms, bars)
+    away = [arms.sim.pose(_parts._BARS[side]).distance(goals[side]) for side in bars]
+    return any(aside > OFF or askew > OFF_TURN for aside, askew in away)
 
 
 def _as_they_lie(arms: Arms, bars: Mapping[Side, SE3]) -> dict[Side, SE3]:
