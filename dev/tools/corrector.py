@@ -142,7 +142,7 @@ class Corrector:
     def _enter(self) -> None:
         """Begin to put things right, from where the arms are."""
         self._arms = Arms(sim_of(self._session.env).simulation)
-        self._script = self._entry(self._arms)
+        self._script = self._entry(self._arms, self._session.status()["stage"])
 
     def _begin(self) -> None:
         self._watch = self._sees(int(self._session.status()["count"]))

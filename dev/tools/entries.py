@@ -45,7 +45,8 @@ from duobench.world.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WAL
 from duobench.world.objects.pot import HEIGHT
 from duobench.world.robot.mounts import HOME_JOINTS
 
-Entry = Callable[[Arms], Script]
+Entry = Callable[[Arms, int], Script]
+"""Puts an episode right that is at a stage, which a page tells people too."""
 
 _parts: Any = join_script  # its steps, which only its own script calls otherwise
 
@@ -64,6 +65,8 @@ RAISED = 0.03
 """Height in metres above the table from which on a pot is in the air."""
 LOW = 0.03
 """Height in metres below which a bar lies on the table, or on another one."""
+JOINED = 2
+"""Stage from which on it counts that the bars are joined."""
 LIFT, PULL = 0.06, 0.05
 """Ways in metres by which bars are lifted off the table, and pulled apart."""
 ASIDE, ASKEW = 0.025, math.radians(35.0)
@@ -92,14 +95,14 @@ def anew(task: str) -> Entry:
     """An entry for any task whose objects still lie as its expert can take them."""
     script = find_script(task)
 
-    def enter(arms: Arms) -> Script:
+    def enter(arms: Arms, stage: int) -> Script:  # noqa: ARG001
         yield from clear(arms)
         yield from script(arms)
 
     return enter
 
 
-def carry_pot(arms: Arms) -> Script:
+def carry_pot(arms: Arms, stage: int) -> Script:  # noqa: ARG001
     """Carry the pot on if both hands hold it; put right what they do otherwise."""
     if _pot_is_on_plate(arms):
         yield from pot_script.let_go(arms)
@@ -121,7 +124,7 @@ def _pot_is_on_plate(arms: Arms) -> bool:
     return is_near and arms.sim.contacts.between("pot", "stove")
 
 
-def transfer_cube(arms: Arms) -> Script:
+def transfer_cube(arms: Arms, stage: int) -> Script:  # noqa: ARG001
     """Hand the block on from whichever hand holds it, and put it into the bowl."""
     bar = cube_script.BAR
     giver, receiver = bar.giver, bar.giver.other
@@ -148,7 +151,7 @@ def transfer_cube(arms: Arms) -> Script:
     yield from place(arms, receiver, goal, above=0.10, retreat=0.10)
 
 
-def join_blocks(arms: Arms) -> Script:
+def join_blocks(arms: Arms, stage: int) -> Script:
     """Take the bars that no hand holds well, plug them together, and push them onto the wall.
 
     It ends early where a bar was lost on the way.
@@ -161,8 +164,8 @@ def join_blocks(arms: Arms) -> Script:
     if low:
         up = {side: arms.targets[side].moved(z=LIFT) for side in low}
         yield from move(arms, up, speed=CAREFUL, arrive=False)
-    # What was plugged together on the table has to be plugged together in the air.
-    if low or not _are_joined(arms):
+    # What was plugged together in another way than by both hands does not count.
+    if stage < JOINED or not _are_joined(arms):
         yield from _join_anew(arms)
     if not (_both_hold(arms) and _are_joined(arms)):
         return

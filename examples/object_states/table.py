@@ -6,7 +6,9 @@ Each network that was played leaves a small file in `results/`; what is there is
 the same command goes on where it was stopped. `--print` prints the table of what is there, and
 `--failures` what did not hold at the end of episodes that failed. With `--images DEMOS` they see
 images, rendered from these recordings. With `--self-imitation N` each plays by itself until N
-episodes have succeeded, and learns from these as well.
+episodes have succeeded, and learns from these as well. With `--corrections EXPORTS` they learn as
+well from what a person led in the place of a policy, exported with `--only-corrections`: the
+policy's own rows are those that failed.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from learning import once, processor_seconds, write
 from own_play import practise
 
 from duobench.core.errors import (
+    DataError,
     DuoBenchError,
     EvaluationError,
     OtherRunError,
@@ -53,7 +56,8 @@ def setting(asked: argparse.Namespace) -> str:
     until = "" if asked.until == "end" else f"-{asked.until}"
     own = f"-self-{asked.self_imitation}" if asked.self_imitation else ""
     seen = "-images" if asked.images else ""
-    return f"{asked.demonstrations}{until}{own}{seen}"
+    led = "-corrections" if asked.corrections else ""
+    return f"{asked.demonstrations}{until}{led}{own}{seen}"
 
 
 def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
@@ -120,14 +124,34 @@ def _trained(
     asked: argparse.Namespace, task: str, seed: int, checkpoint: Path
 ) -> dict[str, Any]:
     """Train one network; what is told of it, and of the one that came first."""
-    data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
+    data = shown(asked, task)
     if asked.self_imitation or asked.images:
         acts, first = trained(first_of(asked), task, seed)
         further = see if asked.images else improve
         told = further(asked, task, data, acts, checkpoint, seed) | {"first": first}
     else:
         told = learn(asked, task, data, checkpoint, seed)
-    return told | {"checkpoint": _hash(checkpoint)}
+    return told | {"rows": len(data.state), "checkpoint": _hash(checkpoint)}
+
+
+def shown(asked: argparse.Namespace, task: str) -> Demonstrations:
+    """What people have shown: demonstrations, and corrections behind them.
+
+    Raises:
+        DataError: An export is none of these.
+    """
+    data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
+    if not asked.corrections:
+        return data
+    folder = asked.corrections / task
+    led = Demonstrations.load(folder)
+    about = json.loads((folder / "meta/duobench.json").read_text())
+    if not about["options"]["only_corrections"]:
+        raise DataError(
+            f"{folder} holds rows of the policy that was corrected too: export with "
+            "--only-corrections."
+        )
+    return data + led
 
 
 def first_of(asked: argparse.Namespace) -> argparse.Namespace:
@@ -273,7 +297,7 @@ def run(asked: argparse.Namespace) -> None:
     for task in asked.tasks:
         check_known("task", task, catalog.names())
         if not all(result(asked, task, seed).exists() for seed in range(asked.seeds)):
-            Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
+            shown(asked, task)
     jobs = [(seed, task) for seed in range(asked.seeds) for task in asked.tasks]
     with ProcessPoolExecutor(asked.workers) as pool:
         left = [pool.submit(job, asked, task, seed) for seed, task in jobs]
@@ -307,6 +331,9 @@ if __name__ == "__main__":
     parser.add_argument(
         "--self-imitation", type=int, metavar="N", help="own successes to learn from"
     )
+    parser.add_argument(
+        "--corrections", type=Path, metavar="EXPORTS", help="to learn from as well"
+    )
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
@@ -316,8 +343,8 @@ if __name__ == "__main__":
         "--failures", action="store_true", help="print what failed instead"
     )
     given = parser.parse_args()
-    if given.images and given.self_imitation:
-        parser.error("own successes are learned from without images")
+    if given.images and (given.self_imitation or given.corrections):
+        parser.error("own successes and corrections are learned from without images")
     if not (given.print or given.failures):
         if given.export is None:
             parser.error("the folder of an export is missing")
