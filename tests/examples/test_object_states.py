@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import duobench
+from dev.benchmarks.corrections import FROZEN, record
 from duobench.core.errors import (
     DataError,
     EvaluationError,
@@ -625,7 +626,7 @@ def options(exports: Path, folder: Path, **words: object) -> SimpleNamespace:
     """What the table is asked by its command line."""
     usual: dict[str, object] = {"export": exports, "out": folder / "runs", "demonstrations": 2}
     usual |= {"results": folder / "results", "until": "end", "episodes": 1, "device": "cpu"}
-    usual |= {"images": None, "self_imitation": None, "tasks": [TASK]}
+    usual |= {"images": None, "self_imitation": None, "corrections": None, "tasks": [TASK]}
     return SimpleNamespace(**usual | {"seeds": 1, "workers": 1} | words)
 
 
@@ -1094,3 +1095,40 @@ def test_what_is_seen_of_an_object_state_is_all_of_it(task: str) -> None:
     longer[:, : len(names)] += 0.01  # axes that are seen are of no exact length and angle
     axes = recognized(longer, names)[:, [n for n, name in enumerate(names) if "_x_axis_" in name]]
     assert np.allclose(np.linalg.norm(axes.reshape(len(axes), -1, 3), axis=-1), 1, atol=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("example", "checkpoint")
+def test_a_network_learns_from_what_a_person_led_and_not_from_what_failed(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import network  # pyright: ignore[reportMissingImports]
+    import table  # pyright: ignore[reportMissingImports]
+
+    record(TASK, FROZEN, DataSet.open(tmp_path / "corrected"), 1)
+    words = ("export", "lerobot", "corrected", "--out")
+    run(*words, "all", *EXPORT, folder=tmp_path)
+    run(*words, "led", *EXPORT, "--only-corrections", folder=tmp_path)
+    shown = []
+
+    def train(data: Any, _task: str, out: Path, *_: object) -> dict[str, Any]:
+        shown.append(data)
+        out.write_bytes(b"")
+        return {}
+
+    monkeypatch.setattr(network, "train", train)
+    asked = options(exports, tmp_path, corrections=tmp_path / "all")
+    with pytest.raises(DataError, match=r"holds rows of the policy .* with --only-corrections"):
+        table.run(asked)
+    asked.corrections = tmp_path / "led"
+    _, told = table.trained(asked, TASK, 0)
+    asked.corrections = None
+    table.trained(asked, TASK, 0)
+    assert table.setting(asked) == "2"
+    both, alone = shown
+    (recording,) = DataSet.open(tmp_path / "corrected").recordings()
+    led = np.flatnonzero(~recording.is_led_by_policy)
+    assert both.recorded[len(alone.state) :].tolist() == led.tolist()
+    assert np.array_equal(both.state[: len(alone.state)], alone.state)
+    assert told["rows"] == len(both.state)
+    assert (tmp_path / "runs/2-corrections" / TASK / "0.json").exists()

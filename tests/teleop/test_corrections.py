@@ -5,30 +5,39 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+import duobench
 from dev.benchmarks.corrections import (
     FROZEN,
+    LAYOUTS,
     LIMIT,
     POLICIES,
     TASKS,
     measure,
     record,
 )
+from dev.tools.corrector import LATE_S, LOST_S, Fails
+from dev.tools.entries import entry
 from duobench.core.errors import LeaderError, MachineryError, PolicyError
+from duobench.core.randomness import TRAIN, episode_seed
+from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, DuoCommand
 from duobench.data import Actor, ActorKind, DataSet, Recording, find_problems, transitions
 from duobench.data.used_rows import RowChoice, used_rows
 from duobench.envs.action_modes import ACTION_MODES
+from duobench.tasks.experts.motion import Arms
 from duobench.teleop.hands import HandDevice, TriggeredGripper
 from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.teleop.messages import Alone, Discard, Why
 from duobench.teleop.policy_leader import LOST, PolicyLeader
 from duobench.teleop.teleoperation import Teleoperation, make_recorder
+from duobench.world.objects.joint_blocks import BAR
 from tests.teleop.leaders.test_device import Leaders
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.teleop.toy import POLICY, Toy
@@ -262,8 +271,10 @@ def corrected(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
 @pytest.mark.slow
 def test_a_scripted_person_puts_right_what_a_frozen_policy_left(corrected: DataSet) -> None:
     (rows,) = corrected.recordings()
-    found = measure([rows])
-    assert (found.successes, found.takeovers, found.releases) == (1, 2, 1)
+    assert rows.info.seed == episode_seed(TASK, LAYOUTS[0], TRAIN)
+    found = measure(corrected, TASK)
+    assert (found.episodes, found.failures, found.alone) == (1, 0, 0)
+    assert (found.takeovers, found.releases) == (2, 1)
     assert found.largest <= 1.0
     assert found.asked <= 1.0
     assert not find_problems(corrected)
@@ -295,9 +306,77 @@ def test_most_corrected_episodes_succeed_and_nothing_jumps(
 ) -> None:
     data = DataSet.open(tmp_path / "data")
     record(task, policy, data, 20)
-    found = measure(list(data.recordings()))
+    found = measure(data, task)
     assert found.episodes == 20
-    assert found.successes >= 12
+    assert found.failures <= 13
     assert found.takeovers >= 20
     assert found.largest <= 1.0 + 1e-9
     assert found.asked <= 1.0
+
+
+@pytest.mark.long
+def test_any_policy_is_watched_and_only_what_a_person_led_to_success_is_kept(
+    tmp_path: Path,
+) -> None:
+    data = DataSet.open(tmp_path / "data")
+    record("join_blocks", "tests.teleop.toy:Still", data, 1)
+    (rows,) = data.recordings()
+    ((begin, end, why),) = rows.corrections
+    assert (begin, end, why) == (LATE_S * CONTROL_HZ, len(rows), "stuck")
+    assert rows.success[-1]
+    assert (measure(data, "join_blocks").episodes, len(data.episodes())) == (1, 1)
+
+
+class Told:
+    """A session of which only what the page tells is there, and commands that always move."""
+
+    def __init__(self) -> None:
+        self.step = self.stage = 0
+
+    @property
+    def env(self) -> Any:
+        last = SimpleNamespace(flat=np.array([self.step]))
+        return SimpleNamespace(base=SimpleNamespace(backend=SimpleNamespace(last_command=last)))
+
+    def status(self) -> dict[str, Any]:
+        return {"stage": self.stage, "step": self.step, "success": self.stage == 3}
+
+
+@pytest.mark.parametrize(
+    ("stages", "step", "why"),
+    [
+        ({}, LATE_S, "stuck"),
+        ({5: 1}, 5 + LATE_S, "stuck"),
+        ({2: 1, 4: 0, 4.4: 1}, 2 + LATE_S, "stuck"),
+        ({2: 2, 4: 1}, 4 + LOST_S, "dropped"),
+        ({2: 3}, None, None),
+    ],
+)
+def test_a_person_sees_that_a_policy_has_failed(
+    stages: dict[float, int], step: float | None, why: str | None
+) -> None:
+    told, sees = Told(), Fails()
+    seen = []
+    changes = {round(CONTROL_HZ * at): stage for at, stage in stages.items()}
+    for told.step in range(round(12 * CONTROL_HZ)):
+        told.stage = changes.get(told.step, told.stage)
+        seen.append(sees(told))  # type: ignore[arg-type]
+    first = next((n for n, reason in enumerate(seen) if reason), None)
+    assert (seen[first] if first else None) == why
+    assert first == step or abs(first - step * CONTROL_HZ) <= 1
+
+
+@pytest.mark.slow
+def test_bars_are_joined_from_wherever_they_lie() -> None:
+    env = duobench.make("join_blocks", cameras=False, action_mode="joint", horizon=900)
+    sim = env.get_wrapper_attr("simulation")
+    _, info = env.reset(seed=3)
+    on_its_side = SE3.at(0.5, -0.2, BAR[1] / 2, yaw=np.pi - 0.3) @ SE3.about((1, 0, 0), np.pi / 2)
+    sim.place("light_block", SE3.at(0.45, 0.15, BAR[2] / 2, yaw=-0.9))
+    sim.place("dark_block", on_its_side)
+    arms = Arms(sim)
+    for _ in entry("join_blocks")(arms, info["stage"]):
+        info = env.step(arms.action())[-1]
+        if info["success"]:
+            return
+    pytest.fail("the bars are not on the wall")

@@ -38,3 +38,16 @@ class Toy:
         if self.fails is not None:
             raise self.fails
         return np.tile(self.hold(), (4, 1))
+
+
+class Still:
+    """Stays where its arms are, about."""
+
+    def __init__(self) -> None:
+        self.metadata = PolicyMetadata(name="still", action_mode="joint", cameras=())
+
+    def reset(self, instruction: str, seed: int) -> None:
+        """Begin."""
+
+    def act(self, observation: Any) -> Any:
+        return observation["agent_pos"][None]
