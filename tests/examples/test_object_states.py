@@ -518,6 +518,8 @@ def test_a_network_learns_while_it_plays_better_and_the_best_is_kept(tmp_path: P
     told = learned(best, tmp_path / "kept.npz")
     assert told["looks"] == [list(score) for score in best]
     assert (told["steps"], told["kept"]) == (40, 20)  # patience
+    alike = learned([(1, 0.3), (2, 0.4), (2, 0.5), (1, 0.9)], tmp_path / "alike.npz")
+    assert (alike["steps"], alike["kept"]) == (40, 30)  # it waits for more successes
     rising = [(n // 2, 0.5 + n / 100) for n in range(8)]
     assert learned(rising, tmp_path / "most.npz")["steps"] == 60
     assert learned([(4, 1.0)] * 6, tmp_path / "perfect.npz")["steps"] == 20
@@ -527,14 +529,14 @@ def test_a_network_learns_while_it_plays_better_and_the_best_is_kept(tmp_path: P
     assert np.array_equal(kept, second)  # that of step 20
     assert not np.array_equal(kept, last)
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(
-        ["kept.npz", "most.npz", "perfect.npz"]
+        ["alike.npz", "kept.npz", "most.npz", "perfect.npz"]
     )
 
 
 @pytest.mark.usefixtures("example")
 def test_a_training_that_was_stopped_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
-    scores = [(0, 0.1), (0, 0.2), (0, 0.3), (0, 0.4), (0, 0.5), (0, 0.6)]
+    scores = [(0, 0.1), (1, 0.2), (1, 0.3), (2, 0.4), (2, 0.5), (3, 0.6)]
     whole = learned(scores, tmp_path / "whole.npz")
     with pytest.raises(KeyboardInterrupt):
         learned(scores, tmp_path / "stopped.npz", 2)
