@@ -140,13 +140,15 @@ def _vector(objects: Rows, names: tuple[str, ...], thing: str, axis: str) -> Row
 
 
 def _forwards(x: Rows, z: Rows) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Rotations (T, 3, 3) of two axes (T, 3), turned back by quarters about z, and these (T,)."""
-    quarters = (
-        np.round(np.arctan2(x[:, 1], x[:, 0]) / _QUARTER).astype(np.int64) % QUARTERS
-    )
-    axes = x, np.cross(z, x)
-    ahead = [np.choose(quarters, (axes[0].T, -axes[1].T, -axes[0].T, axes[1].T)).T]
-    return np.stack([*ahead, np.cross(z, ahead[0]), z], axis=-1), quarters
+    """Rotations (T, 3, 3) of two axes (T, 3), turned back by quarters about z, and these (T,).
+
+    Forwards is what lies nearest to it across z, so that a tilted object has a side that does too.
+    """
+    y = np.cross(z, x)
+    quarters = np.round(np.arctan2(-y[:, 0], x[:, 0]) / _QUARTER).astype(np.int64)
+    quarters %= QUARTERS
+    ahead = np.choose(quarters, (x.T, -y.T, -x.T, y.T)).T
+    return np.stack([ahead, np.cross(z, ahead), z], axis=-1), quarters
 
 
 def _maze(objects: Rows, names: tuple[str, ...], quarters: NDArray[np.int64]) -> Rows:
