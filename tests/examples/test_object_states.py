@@ -26,7 +26,7 @@ from duobench.core.errors import (
     UnknownNameError,
 )
 from duobench.core.randomness import TRAIN, episode_seed
-from duobench.core.spatial import rotation_about
+from duobench.core.spatial import rotation_about, rotation_by
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.evaluation.rollouts import rollout
 from duobench.results.folder import RunFolder
@@ -313,6 +313,24 @@ def test_frames_of_objects_point_forwards_and_are_turned_about_their_own_axis(gr
         assert np.allclose(np.exp(1j * turned), 1j**quarters, atol=1e-5)
     tools = np.stack([o["tcp_pose"].reshape(2, 7)[:, :3] for o in seen])
     assert np.allclose(here.positions[:, :2], tools, atol=1e-5)
+
+
+@pytest.mark.usefixtures("example")
+def test_a_tilted_object_has_the_same_frame_after_every_quarter_turn() -> None:
+    from frames import frames  # pyright: ignore[reportMissingImports]
+
+    rng = np.random.default_rng(0)
+    tilted = np.array([rotation_by(vector) for vector in rng.normal(size=(100, 3))])
+    names = tuple(f"cube_{part}{end}" for part in ("", "x_axis_", "z_axis_") for end in "xyz")
+    seen = []
+    for quarters in range(4):
+        turned = tilted @ rotation_about((0, 0, 1), quarters * np.pi / 2)
+        objects = np.hstack([np.zeros((100, 3)), turned[..., 0], turned[..., 2]])
+        seen.append(frames(np.zeros((100, 16), np.float32), np.float32(objects), names))
+    for one in seen[1:]:
+        assert np.allclose(one.rotations[:, 2], seen[0].rotations[:, 2], atol=1e-5)
+    numbers = np.stack([one.quarters[:, 2] for one in seen])
+    assert np.array_equal(np.sort(numbers, axis=0), np.tile(np.arange(4)[:, None], 100))
 
 
 def brief(steps: int) -> Any:
