@@ -280,6 +280,11 @@ class Network:
             )
         self._net = dict(np.load(path))
         about = json.loads(str(self._net["about"]))
+        if "columns" not in about:
+            raise PolicyError(
+                f"{path} is of an earlier state of this example, and sees other numbers: train it "
+                "again."
+            )
         self.names, self._openings = tuple(about["names"]), about["openings"]
         self._columns = about["columns"]
         self._grippers = Grippers(self._openings)
