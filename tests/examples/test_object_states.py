@@ -231,12 +231,17 @@ def test_what_cannot_be_learned_from_is_refused_with_what_to_export(exports: Pat
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("example", "checkpoint")
-def test_nothing_is_played_without_a_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_played_without_a_checkpoint_of_today(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     import nearest  # pyright: ignore[reportMissingImports]
     import network  # pyright: ignore[reportMissingImports]
 
     with pytest.raises(PolicyError, match="no file of a network"):
         network.Network()  # of the folder of an export
+    np.savez(tmp_path / "old.npz", about='{"names": []}')
+    with pytest.raises(PolicyError, match="earlier state of this example.* train it again"):
+        network.Network(tmp_path / "old.npz")
     monkeypatch.delenv("CHECKPOINT")
     for policy in (nearest.Nearest, network.Network):
         with pytest.raises(PolicyError, match="CHECKPOINT=exports/bin_sort"):
