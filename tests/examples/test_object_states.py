@@ -240,7 +240,7 @@ def test_nothing_is_played_without_a_checkpoint_of_today(
     with pytest.raises(PolicyError, match="no file of a network"):
         network.Network()  # of the folder of an export
     np.savez(tmp_path / "old.npz", about='{"names": []}')
-    with pytest.raises(PolicyError, match="earlier state of this example.* train it again"):
+    with pytest.raises(PolicyError, match=r"earlier state of this example.* train it again"):
         network.Network(tmp_path / "old.npz")
     monkeypatch.delenv("CHECKPOINT")
     for policy in (nearest.Nearest, network.Network):
