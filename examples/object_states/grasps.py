@@ -3,7 +3,9 @@
 A scripted person grasps alike every time, and brings what is held to the same place to a tenth of a
 millimetre: so demonstrations do not show that a hand has to go elsewhere where it holds a thing
 otherwise. A network that plays grasps some millimetres off, and then has to. So it learns from rows
-in which things are moved in the hand, and where the hand is to go as far the other way.
+in which things are moved in the hand, and where the hand is to go as far the other way; and from
+rows in which what a hand goes for lies elsewhere, and the hand goes there: else it takes what is
+not where it was shown for held.
 """
 
 from __future__ import annotations
@@ -26,47 +28,75 @@ SLIP = 2e-3
 """Metres that it may move there over them."""
 MOVED = 0.01
 """Metres that a thing is moved by a hand that holds it, at least."""
+FADE = 15
+"""Steps after which goals are as demonstrated again, once a thing was let go or has moved."""
 NOTHING = -1
 """Number of the object of an empty hand."""
 
 
 @dataclass(frozen=True)
 class Grasps:
-    """What hands hold in T rows of demonstrations.
+    """What hands hold in T rows of demonstrations, and what they go for.
 
     Attributes:
-        things: Which object each hand holds (T, sides), or `NOTHING`.
-        left: For how many rows from there on the hand stays closed (T, sides).
+        things: Which object each hand holds or goes for (T, sides), or `NOTHING`.
+        holds: Whether it holds it (T, sides).
+        left: For how many rows from there on (T, sides) it holds it, or it lies where it lies.
     """
 
     things: NDArray[np.int64]
+    holds: NDArray[np.bool_]
     left: NDArray[np.int64]
 
     @staticmethod
     def of(data: Demonstrations, here: Frames) -> Grasps:
         """Those of demonstrations, in the frames of their rows."""
-        objects = here.positions[:, len(SIDES) : -1]
         ends = np.repeat(np.cumsum(data.lengths), data.lengths)
-        rows = np.arange(len(ends))
-        soon = np.minimum(rows + SOON, ends - 1)
-        things, left = [], []
-        for side, column in enumerate(opening_columns(data.labels)):
-            closed = _closed(data.labels[:, column], ends)
-            stretch = _stretches(closed, ends)
-            first = np.searchsorted(stretch, stretch)
-            last = np.searchsorted(stretch, stretch, "right") - 1
-            away = objects - here.positions[:, side, None]
-            inside = np.einsum("tij,tki->tkj", here.rotations[:, side], away)
-            slip = np.linalg.norm(inside[soon] - inside, axis=-1)
-            moved = np.linalg.norm(objects[last] - objects[first], axis=-1)
-            far = np.linalg.norm(away, axis=-1)
-            held = (slip < SLIP) & (moved > MOVED) & (far < REACH) & closed[:, None]
-            far[~held] = REACH
-            near = np.add.reduceat(REACH - far, np.unique(first))  # (stretches, K)
-            thing = near.argmax(1)[stretch]
-            things.append(np.where(held[rows, thing], thing, NOTHING))
-            left.append(np.where(closed, last + 1 - rows, 0))
-        return Grasps(np.stack(things, axis=1), np.stack(left, axis=1))
+        sides = [
+            _grasps_of(side, data.labels[:, column], here, ends)
+            for side, column in enumerate(opening_columns(data.labels))
+        ]
+        things, holds, left = (
+            np.stack(part, axis=1) for part in zip(*sides, strict=True)
+        )
+        passed = holds[:, ::-1] & ~holds & (things == things[:, ::-1])
+        return Grasps(np.where(passed, NOTHING, things), holds, left)
+
+
+def _grasps_of(
+    side: int, openings: NDArray[np.floating], here: Frames, ends: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
+    """What one hand holds or goes for (T,), whether it holds it, and for how long."""
+    objects = here.positions[:, len(SIDES) : -1]
+    rows = np.arange(len(ends))
+    soon = np.minimum(rows + SOON, ends - 1)
+    closed = _closed(openings, ends)
+    stretch = _stretches(closed, ends)
+    first = np.searchsorted(stretch, np.arange(stretch[-1] + 1))
+    last = np.append(first[1:], len(rows)) - 1
+    away = objects - here.positions[:, side, None]
+    inside = np.einsum("tij,tki->tkj", here.rotations[:, side], away)
+    slip = np.linalg.norm(inside[soon] - inside, axis=-1)
+    far = np.linalg.norm(away, axis=-1)
+    moved = np.linalg.norm(objects[last] - objects[first], axis=-1) > MOVED
+    held = moved[stretch] & closed[:, None] & (slip < SLIP) & (far < REACH)
+    near = np.add.reduceat(np.where(held, REACH - far, 0), first)
+    thing = np.where(near.any(1), near.argmax(1), NOTHING)  # of each stretch
+    holds = held[rows, thing[stretch]] & (thing[stretch] != NOTHING)
+    things = np.where(holds, thing[stretch], NOTHING)
+    left = last[stretch] + 1 - rows
+    for one in np.flatnonzero(thing != NOTHING):
+        if first[one] == 0 or ends[first[one] - 1] != ends[first[one]]:
+            continue  # an episode begins with it in the hand
+        before = slice(first[one - 1], first[one])
+        there = objects[:, thing[one]]
+        gone = np.linalg.norm(
+            there[first[one] : last[one] + 1] - there[first[one]], axis=-1
+        )
+        lies = np.linalg.norm(there[before] - there[first[one]], axis=-1) < SLIP
+        things[before] = np.where(lies, thing[one], NOTHING)
+        left[before] = first[one] + (gone > MOVED).argmax() - rows[before]
+    return things, holds, left
 
 
 def _closed(
@@ -93,40 +123,40 @@ def _stretches(closed: NDArray[np.bool_], ends: NDArray[np.int64]) -> NDArray[np
 
 @dataclass(frozen=True)
 class Shift:
-    """How far things are moved in hands, for B rows.
+    """How far things are moved that hands hold or go for, for B rows.
 
     Attributes:
-        inside: In the frames of the tools (B, sides, 3), in metres.
-        things: In the table's frame, of tools, objects and the table (B, K, 3).
-        left: For how many steps of a chunk (B, sides) the hand holds on.
+        things: In the table's frame, of tools, objects and the table (B, K, 3), in metres.
+        goes: The same of what each hand goes for (B, sides, 3).
+        inside: In the frames of the tools, of what they hold (B, sides, 3).
+        left: For how many steps of a chunk (B, sides) that counts.
     """
 
-    inside: Any
     things: Any
+    goes: Any
+    inside: Any
     left: Any
 
     @staticmethod
-    def drawn(size: float, held: Any, left: Any, rotations: Any) -> Shift:
-        """One drawn at random, of what is held (B, sides), with frames (B, K, 3, 3)."""
+    def drawn(size: float, things: Any, holds: Any, left: Any, rotations: Any) -> Shift:
+        """One drawn at random, of grasps (B, sides), with frames (B, K, 3, 3)."""
         import torch
 
-        count, things = rotations.shape[:2]
         turns = rotations[:, : len(SIDES)]
-        inside = size * torch.randn(count, len(SIDES), 3).to(turns)
-        there = (turns @ inside[..., None])[..., 0]
-        both = (held[:, 0] == held[:, 1])[:, None]  # one thing moves one way
-        there = torch.stack(
-            [there[:, 0], torch.where(both, there[:, 0], there[:, 1])], 1
-        )
-        there = torch.where((held == NOTHING)[..., None], 0.0, there)
-        shift = torch.zeros(count, things, 3).to(turns)
-        for side in reversed(range(len(SIDES))):
-            place = (held[:, side] + len(SIDES)).clamp(min=0)
-            some = (held[:, side] != NOTHING)[:, None]
-            rows = torch.arange(count, device=place.device)
+        shift = torch.zeros(rotations.shape[:-1]).to(turns)
+        rows = torch.arange(len(shift), device=shift.device)
+        there = size * torch.randn(len(shift), len(SIDES), 3).to(turns)
+        for side in range(len(SIDES)):
+            some = (things[:, side] != NOTHING)[:, None]
+            place = things[:, side].clamp(min=0) + len(SIDES)
             shift[rows, place] = torch.where(some, there[:, side], shift[rows, place])
+        place = things.clamp(min=0) + len(SIDES)
+        there = shift.gather(1, place[..., None].expand(-1, -1, 3))
+        there = torch.where((things == NOTHING)[..., None], 0.0, there)
         inside = (turns.mT @ there[..., None])[..., 0]
-        return Shift(inside, shift, left)
+        goes = torch.where(holds[..., None], 0.0, there)
+        inside = torch.where(holds[..., None], inside, 0.0)
+        return Shift(shift, goes, inside, left)
 
     def features(self, rotations: Any, names: tuple[str, ...], width: int) -> Any:
         """By how much features (B, width) change, with frames (B, K, 3, 3)."""
@@ -150,7 +180,7 @@ class Shift:
 
         x, y = functional.normalize(axes, dim=-1).unbind(-2)
         turned = torch.stack([x, y, torch.linalg.cross(x, y)], -1)
-        moved = -(turned @ self.inside[:, None, ..., None])[..., 0]
+        held = (turned @ self.inside[:, None, ..., None])[..., 0]
         steps = torch.arange(axes.shape[1], device=axes.device)
-        holds = steps[None, :, None] < self.left[:, None]
-        return torch.where(holds[..., None], moved, 0.0)
+        over = (steps[None, :, None] - self.left[:, None]) / FADE
+        return (self.goes[:, None] - held) * (1 - over).clamp(0, 1)[..., None]

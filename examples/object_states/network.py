@@ -56,7 +56,7 @@ a policy strays by millimetres from what was shown, and its goals stay where the
 EMPTY = 3.0
 """Logarithm of how much likelier than with any one thing a hand is empty, before training."""
 OTHERWISE = 4e-3
-"""Standard deviation of where a thing is held (m, along each axis of the tool) in training."""
+"""Standard deviation of where a thing is held or lies (m, along each axis) in training."""
 METRES = 0.1
 """Size of a position in the frame of a thing, in metres, that is a 1 for the network."""
 
@@ -160,20 +160,22 @@ class _Rows:
         }
         whole = {
             "chunks": data.chunks(HORIZON),
-            "held": grasps.things,
+            "things": grasps.things,
             "left": grasps.left,
         }
         for name, part in (parts | whole).items():
             kind = np.int64 if name in whole else np.float32
             tensor = torch.from_numpy(np.asarray(part, dtype=kind)).to(device)
             setattr(self, name, tensor)
+        self.holds = torch.from_numpy(grasps.holds).to(device)
 
     def error(self, net: Any, rows: Any) -> Any:
         """Mean absolute error of the chunks of some rows, seen and held a little otherwise."""
         import torch
 
         rotations, labels = self.rotations[rows], self.labels[self.chunks[rows]]
-        shift = Shift.drawn(OTHERWISE, self.held[rows], self.left[rows], rotations)
+        grasps = self.things[rows], self.holds[rows], self.left[rows]
+        shift = Shift.drawn(OTHERWISE, *grasps, rotations)
         x = self.x[rows]
         seen = shift.features(rotations, self._names, x.shape[1])
         seen = (seen + NOISE * torch.randn(x.shape).to(x)) / self.x_scale
@@ -280,6 +282,11 @@ class Network:
             )
         self._net = dict(np.load(path))
         about = json.loads(str(self._net["about"]))
+        if "columns" not in about:
+            raise PolicyError(
+                f"{path} is of an earlier state of this example, and sees other numbers: train it "
+                "again."
+            )
         self.names, self._openings = tuple(about["names"]), about["openings"]
         self._columns = about["columns"]
         self._grippers = Grippers(self._openings)

@@ -27,7 +27,7 @@ from duobench.core.errors import (
     UnknownNameError,
 )
 from duobench.core.randomness import TRAIN, episode_seed
-from duobench.core.spatial import rotation_about
+from duobench.core.spatial import rotation_about, rotation_by
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.evaluation.rollouts import rollout
 from duobench.results.folder import RunFolder
@@ -232,12 +232,17 @@ def test_what_cannot_be_learned_from_is_refused_with_what_to_export(exports: Pat
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("example", "checkpoint")
-def test_nothing_is_played_without_a_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_played_without_a_checkpoint_of_today(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     import nearest  # pyright: ignore[reportMissingImports]
     import network  # pyright: ignore[reportMissingImports]
 
     with pytest.raises(PolicyError, match="no file of a network"):
         network.Network()  # of the folder of an export
+    np.savez(tmp_path / "old.npz", about='{"names": []}')
+    with pytest.raises(PolicyError, match=r"earlier state of this example.* train it again"):
+        network.Network(tmp_path / "old.npz")
     monkeypatch.delenv("CHECKPOINT")
     for policy in (nearest.Nearest, network.Network):
         with pytest.raises(PolicyError, match="CHECKPOINT=exports/bin_sort"):
@@ -314,6 +319,24 @@ def test_frames_of_objects_point_forwards_and_are_turned_about_their_own_axis(gr
         assert np.allclose(np.exp(1j * turned), 1j**quarters, atol=1e-5)
     tools = np.stack([o["tcp_pose"].reshape(2, 7)[:, :3] for o in seen])
     assert np.allclose(here.positions[:, :2], tools, atol=1e-5)
+
+
+@pytest.mark.usefixtures("example")
+def test_a_tilted_object_has_the_same_frame_after_every_quarter_turn() -> None:
+    from frames import frames  # pyright: ignore[reportMissingImports]
+
+    rng = np.random.default_rng(0)
+    tilted = np.array([rotation_by(vector) for vector in rng.normal(size=(100, 3))])
+    names = tuple(f"cube_{part}{end}" for part in ("", "x_axis_", "z_axis_") for end in "xyz")
+    seen = []
+    for quarters in range(4):
+        turned = tilted @ rotation_about((0, 0, 1), quarters * np.pi / 2)
+        objects = np.hstack([np.zeros((100, 3)), turned[..., 0], turned[..., 2]])
+        seen.append(frames(np.zeros((100, 16), np.float32), np.float32(objects), names))
+    for one in seen[1:]:
+        assert np.allclose(one.rotations[:, 2], seen[0].rotations[:, 2], atol=1e-5)
+    numbers = np.stack([one.quarters[:, 2] for one in seen])
+    assert np.array_equal(np.sort(numbers, axis=0), np.tile(np.arange(4)[:, None], 100))
 
 
 def brief(steps: int) -> Any:
@@ -519,6 +542,8 @@ def test_a_network_learns_while_it_plays_better_and_the_best_is_kept(tmp_path: P
     told = learned(best, tmp_path / "kept.npz")
     assert told["looks"] == [list(score) for score in best]
     assert (told["steps"], told["kept"]) == (40, 20)  # patience
+    alike = learned([(1, 0.3), (2, 0.4), (2, 0.5), (1, 0.9)], tmp_path / "alike.npz")
+    assert (alike["steps"], alike["kept"]) == (40, 30)  # it waits for more successes
     rising = [(n // 2, 0.5 + n / 100) for n in range(8)]
     assert learned(rising, tmp_path / "most.npz")["steps"] == 60
     assert learned([(4, 1.0)] * 6, tmp_path / "perfect.npz")["steps"] == 20
@@ -528,14 +553,14 @@ def test_a_network_learns_while_it_plays_better_and_the_best_is_kept(tmp_path: P
     assert np.array_equal(kept, second)  # that of step 20
     assert not np.array_equal(kept, last)
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(
-        ["kept.npz", "most.npz", "perfect.npz"]
+        ["alike.npz", "kept.npz", "most.npz", "perfect.npz"]
     )
 
 
 @pytest.mark.usefixtures("example")
 def test_a_training_that_was_stopped_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
-    scores = [(0, 0.1), (0, 0.2), (0, 0.3), (0, 0.4), (0, 0.5), (0, 0.6)]
+    scores = [(0, 0.1), (1, 0.2), (1, 0.3), (2, 0.4), (2, 0.5), (3, 0.6)]
     whole = learned(scores, tmp_path / "whole.npz")
     with pytest.raises(KeyboardInterrupt):
         learned(scores, tmp_path / "stopped.npz", 2)
