@@ -1,9 +1,9 @@
 """A small network that learns where to go from where things are: chunks of tool poses.
 
 Of eleven moments of a chunk it says, for each tool, to which thing it belongs (a softmax over
-objects and the table), its pose in the frame of that thing, and what it carries, whose place that
-is: to go 2 cm above whatever cube is next is then the same number for every cube in every place.
-Trained with PyTorch, played with NumPy.
+tools, objects and the table) and its pose in the frame of that thing: to go 2 cm above whatever
+cube is next is then the same number for every cube in every place. Trained with PyTorch, played
+with NumPy.
 
     python network.py exports/bin_sort bin_sort.npz --episodes 50 --seed 0
     CHECKPOINT=bin_sort.npz duobench eval --policy network:Network --tasks bin_sort --out runs/net
@@ -53,9 +53,6 @@ FURTHEST, LEAST = 5.0, 1e-2
 NOISE = 5e-3
 """Standard deviation of what is added to inputs in training (m, rad, and numbers without a unit):
 a policy strays by millimetres from what was shown, and its goals stay where they were."""
-GOALS = slice(len(SIDES), None)
-"""Things in whose frames poses are said: not tools, in which a hand that is on its way could learn
-to stay where it is, as it mostly does where it grasps."""
 EMPTY = 3.0
 """Logarithm of how much likelier than with any one thing a hand is empty, before training."""
 OTHERWISE = 4e-3
@@ -209,10 +206,9 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
             parts = [nn.Linear(inputs, WIDTH), *(Block() for _ in range(BLOCKS))]
             self.body = nn.Sequential(*parts, nn.LayerNorm(WIDTH))
             moments = len(SIDES) * len(KNOTS)
-            goals = things - len(SIDES)
-            self.shares = nn.Linear(WIDTH, moments * goals)
+            self.shares = nn.Linear(WIDTH, moments * things)
             self.carried = nn.Linear(WIDTH, moments * things)
-            self.poses = nn.Linear(WIDTH, moments * VECTORS * goals * 3)
+            self.poses = nn.Linear(WIDTH, moments * VECTORS * things * 3)
             self.openings = nn.Linear(WIDTH, len(SIDES) * HORIZON)
             nn.init.zeros_(self.poses.bias)
             nothing = EMPTY * torch.eye(len(SIDES), things)
@@ -239,13 +235,15 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
                 heads = self.shares, self.carried, self.poses, self.openings
                 told = [head(seen) for head in heads]
             shares, carried, near, opens = (one.float() for one in told)
-            goals = things - len(SIDES)
-            shares = shares.view(rows, -1, goals).softmax(-1)
-            carried = carried.view(rows, -1, things).softmax(-1)
-            near = near.view(rows, -1, VECTORS, goals, 3) * shares[:, :, None, :, None]
-            back = rotations[:, GOALS].transpose(2, 3).reshape(rows, goals * 3, 3)
-            vectors = (near.view(rows, -1, goals * 3) @ back).view(rows, -1, VECTORS, 3)
-            place = METRES * vectors[:, :, 0] + shares @ positions[:, GOALS]
+            shares, carried = (
+                one.view(rows, -1, things).softmax(-1) for one in (shares, carried)
+            )
+            near = near.view(rows, -1, VECTORS, things, 3) * shares[:, :, None, :, None]
+            back = rotations.transpose(2, 3).reshape(rows, things * 3, 3)
+            vectors = (near.view(rows, -1, things * 3) @ back).view(
+                rows, -1, VECTORS, 3
+            )
+            place = METRES * vectors[:, :, 0] + shares @ positions
             place = place + self.held(carried, vectors, positions, rotations)
             poses = torch.cat([place, vectors[:, :, 1], vectors[:, :, 2]], -1)
             poses = self.blend @ poses.view(rows, len(SIDES), len(KNOTS), POSE)
@@ -331,14 +329,14 @@ class Network:
             )
             x = x + self._linear(_gelu(inner), f"body.{number}.down")
         x = self._norm(x, f"body.{BLOCKS + 1}")
-        moments = len(SIDES) * len(KNOTS)
+        moments, things = len(SIDES) * len(KNOTS), here.positions.shape[1]
         shares, carried = (
-            _softmax(self._linear(x, name).reshape(moments, -1))
+            _softmax(self._linear(x, name).reshape(moments, things))
             for name in ("shares", "carried")
         )
-        near = self._linear(x, "poses").reshape(moments, VECTORS, -1, 3)
-        vectors = np.einsum("mckj,mk,kij->mci", near, shares, here.rotations[0, GOALS])
-        vectors[:, 0] = METRES * vectors[:, 0] + shares @ here.positions[0, GOALS]
+        near = self._linear(x, "poses").reshape(moments, VECTORS, things, 3)
+        vectors = np.einsum("mckj,mk,kij->mci", near, shares, here.rotations[0])
+        vectors[:, 0] = METRES * vectors[:, 0] + shares @ here.positions[0]
         vectors[:, 0] += _held(carried, vectors, here)
         poses = self._blend @ vectors.reshape(len(SIDES), len(KNOTS), POSE)
         size, mean = (
