@@ -1,9 +1,9 @@
 """A small network that learns where to go from where things are: chunks of tool poses.
 
 Of eleven moments of a chunk it says, for each tool, to which thing it belongs (a softmax over
-tools, objects and the table) and its pose in the frame of that thing: to go 2 cm above whatever
-cube is next is then the same number for every cube in every place. Trained with PyTorch, played
-with NumPy.
+tools, objects and the table), its pose in the frame of that thing, and what it carries (another
+softmax), whose place that is: to go 2 cm above whatever cube is next is then the same number for
+every cube in every place. Trained with PyTorch, played with NumPy.
 
     python network.py exports/bin_sort bin_sort.npz --episodes 50 --seed 0
     CHECKPOINT=bin_sort.npz duobench eval --policy network:Network --tasks bin_sort --out runs/net
