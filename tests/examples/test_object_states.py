@@ -458,21 +458,24 @@ def test_a_hand_is_closed_from_where_it_closed_to_where_it_opens() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("example", "checkpoint")
-def test_what_is_held_otherwise_is_brought_to_where_it_was_shown(exports: Path) -> None:
+def test_what_is_held_or_lies_otherwise_is_brought_to_where_it_was_shown(exports: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     from demonstrations import Demonstrations, opening_columns  # pyright: ignore[reportMissingImports]
     from frames import bodies, features, frames  # pyright: ignore[reportMissingImports]
-    from grasps import NOTHING, Grasps, Shift  # pyright: ignore[reportMissingImports]
+    from grasps import FADE, NOTHING, Grasps, Shift  # pyright: ignore[reportMissingImports]
 
     data = Demonstrations.load(exports / TASK)
     here = frames(data.state, data.objects, data.names)
     grasps = Grasps.of(data, here)
     pot = bodies(data.names).index("pot")
+    places = here.positions[:, 2 + pot]
     assert set(np.unique(grasps.things)) == {NOTHING, pot}
     ends = np.cumsum(data.lengths)
     starts = ends - data.lengths
-    assert (grasps.things[[*starts, *(ends - 1)]] == NOTHING).all()
-    both = np.flatnonzero((grasps.things == pot).all(axis=1))
+    assert (grasps.things[starts] == pot).all()  # which hands go for
+    assert not grasps.holds[[*starts, *(ends - 1)]].any()
+    assert (grasps.things[ends - 1] == NOTHING).all()
+    both = np.flatnonzero(grasps.holds.all(axis=1))
     assert len(both) > 50
     opens = data.labels[:, opening_columns(data.labels)] > 0.1  # less than half, beside handles
     assert opens[starts].all()
@@ -482,32 +485,39 @@ def test_what_is_held_otherwise_is_brought_to_where_it_was_shown(exports: Path) 
             left = grasps.left[row, side]
             assert not opens[row : row + left, side].any()
             assert opens[row + left, side]
+    for row in starts:
+        gone = row + grasps.left[row]
+        assert (np.linalg.norm(places[gone] - places[row], axis=1) > 0.009).all()
+        assert (np.linalg.norm(places[gone - 5] - places[row], axis=1) < 0.009).all()
 
-    rows = np.array([starts[0], *both[::10]])
-    held, left, rotations = (
-        torch.from_numpy(part[rows]) for part in (grasps.things, grasps.left, here.rotations)
+    rows = np.array([*starts, ends[0] - 1, *both[::10]])
+    things, holds, left, rotations = (
+        torch.from_numpy(part[rows])
+        for part in (grasps.things, grasps.holds, grasps.left, here.rotations)
     )
-    shift = Shift.drawn(4e-3, held, left, rotations)
+    shift = Shift.drawn(4e-3, things, holds, left, rotations)
     x = data.names.index("pot_x")
     objects = data.objects[rows].copy()
     objects[:, x : x + 3] += shift.things[:, 2 + pot].numpy()
-    assert not shift.things[0].any()
-    assert shift.things[1:, 2 + pot].all()
+    assert not shift.things[2].any()  # nothing is left to be done
+    assert np.delete(shift.things[:, 2 + pot].numpy(), 2, axis=0).all()
     shown, moved = (
         features(data.state[rows], one, data.names) for one in (data.objects[rows], objects)
     )
     told = shift.features(rotations, data.names, shown.shape[1]).numpy()
     assert np.allclose(moved - shown, told, atol=1e-5)
 
-    goals = torch.eye(3)[:2].expand(len(rows), 30, 2, 2, 3).double()  # tools as the table is
+    goals = torch.eye(3)[:2].expand(len(rows), 200, 2, 2, 3).double()  # tools as the table is
     moved = shift.labels(goals).numpy()
-    held_on = np.arange(30)[None, :, None] < grasps.left[rows][:, None]
     away = shift.things[:, 2 + pot].numpy()
     inside = np.einsum("bsij,bi->bsj", here.rotations[rows, :2], away)
-    brought = np.where(held_on[..., None], moved + inside[:, None], 0.0)
-    assert np.allclose(brought, 0.0, atol=1e-9)
-    assert (~held_on[1:]).any()
-    assert not moved[~held_on].any()
+    goes = np.where(grasps.holds[rows][..., None], -inside, away[:, None])
+    over = np.arange(200)[None, :, None] - grasps.left[rows][:, None]
+    counts, is_over = (over <= 0)[..., None], (over >= FADE)[..., None]
+    counts = counts & (grasps.things[rows] == pot)[:, None, :, None]
+    assert np.allclose(np.where(counts, moved - goes[:, None], 0.0), 0.0, atol=1e-9)
+    assert is_over.any()
+    assert not np.where(is_over, moved, 0.0).any()
 
 
 def learned(
