@@ -10,6 +10,7 @@ not where it was shown for held.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,6 +62,15 @@ class Grasps:
         )
         passed = holds[:, ::-1] & ~holds & (things == things[:, ::-1])
         return Grasps(np.where(passed, NOTHING, things), holds, left)
+
+    def carried(self, steps: Sequence[int]) -> NDArray[np.int64]:
+        """Which frame moves with each tool at steps from each row on (T, sides, steps).
+
+        It is that of what the hand holds by then and still, or its own.
+        """
+        still = self.holds[..., None] & (np.array(steps) < self.left[..., None])
+        own = np.arange(len(SIDES))[:, None]
+        return np.where(still, self.things[..., None] + len(SIDES), own)
 
 
 def _grasps_of(

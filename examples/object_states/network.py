@@ -30,7 +30,7 @@ from demonstrations import (
     openings,
     to_actions,
 )
-from frames import Frames, features, frames
+from frames import Frames, bodies, columns, features, frames
 from grasps import Grasps, Shift
 from learning import Training, learn
 from numpy.typing import NDArray
@@ -53,10 +53,17 @@ FURTHEST, LEAST = 5.0, 1e-2
 NOISE = 5e-3
 """Standard deviation of what is added to inputs in training (m, rad, and numbers without a unit):
 a policy strays by millimetres from what was shown, and its goals stay where they were."""
+CLOSE = 0.05
+"""Metres over which is told in close-up where one thing is from another: whether a hand is 2 or
+4 cm over what it grasps is little beside how far it comes."""
 EMPTY = 3.0
 """Logarithm of how much likelier than with any one thing a hand is empty, before training."""
+UNLIKELY = 1e-6
+"""Share of what is carried that is as surprising as nought."""
 OTHERWISE = 4e-3
 """Standard deviation of where a thing is held or lies (m, along each axis) in training."""
+KNOWN = 0.05
+"""What it counts how surprising it is what hands carry, beside errors of chunks."""
 METRES = 0.1
 """Size of a position in the frame of a thing, in metres, that is a 1 for the network."""
 
@@ -70,7 +77,9 @@ def train(
 ) -> dict[str, Any]:
     """Train one network on the mean absolute error, and write the one that plays best to a file.
 
-    The action at the end of an episode is held, and counts, so that letting go is learned.
+    What hands carry is taught too: a hand that has not grasped yet would else be taken for one that
+    holds what it grasps as far away as it still is. The action at the end of an episode is held,
+    and counts, so that letting go is learned.
 
     Args:
         data: Demonstrations.
@@ -97,8 +106,9 @@ def train(
     torch.manual_seed(seed)
     scale = _scale(data)
     shown = _Rows(data, scale, how.device)
-    net = module(shown.x.shape[1], shown.positions.shape[1], scale).to(how.device)
+    net = module(data.names, scale).to(how.device)
     about: dict[str, Any] = {"names": data.names, "columns": data.columns}
+    about |= {"close": CLOSE}
     about |= {"openings": openings(data.labels), "gripper": data.gripper}
     about |= {"mode": action_mode(data.labels)}
     trial = Trial(task, how.episodes)
@@ -126,8 +136,9 @@ def _scale(data: Demonstrations) -> dict[str, Any]:
     return scale | {"y_mean": data.labels.mean(0), "y_scale": data.labels.std(0) + 1e-3}
 
 
-def _normal(seen: Rows, scale: Mapping[str, Any]) -> Rows:
-    return np.clip((seen - scale["x_mean"]) / scale["x_scale"], -FURTHEST, FURTHEST)
+def ways(names: tuple[str, ...]) -> NDArray[np.int64]:
+    """Which features are told in close-up too."""
+    return np.concatenate([np.r_[part] for part in columns(names)[1]])
 
 
 def blend() -> Rows:
@@ -150,16 +161,16 @@ class _Rows:
         grasps = Grasps.of(data, here)
         self._names = data.names
         parts = {
-            "x": _normal(features(*now), scale),
+            "x": features(*now),
             "positions": here.positions,
             "rotations": here.rotations,
             "labels": (data.labels - scale["y_mean"]) / scale["y_scale"],
-            "x_scale": scale["x_scale"],
             "y_mean": scale["y_mean"],
             "y_scale": scale["y_scale"],
         }
         whole = {
             "chunks": data.chunks(HORIZON),
+            "carried": grasps.carried(KNOTS),
             "things": grasps.things,
             "left": grasps.left,
         }
@@ -170,26 +181,31 @@ class _Rows:
         self.holds = torch.from_numpy(grasps.holds).to(device)
 
     def error(self, net: Any, rows: Any) -> Any:
-        """Mean absolute error of the chunks of some rows, seen and held a little otherwise."""
+        """Error of the chunks of some rows, seen and held a little otherwise."""
         import torch
 
         rotations, labels = self.rotations[rows], self.labels[self.chunks[rows]]
         grasps = self.things[rows], self.holds[rows], self.left[rows]
         shift = Shift.drawn(OTHERWISE, *grasps, rotations)
         x = self.x[rows]
-        seen = shift.features(rotations, self._names, x.shape[1])
-        seen = (seen + NOISE * torch.randn(x.shape).to(x)) / self.x_scale
-        told = net(x + seen, self.positions[rows] + shift.things, rotations)
+        x = x + shift.features(rotations, self._names, x.shape[1])
+        x = x + NOISE * torch.randn(x.shape).to(x)
+        told, carried = net(x, self.positions[rows] + shift.things, rotations)
         goals = (labels * self.y_scale + self.y_mean).unflatten(-1, (len(SIDES), -1))
         moved = shift.labels(goals[..., 3:POSE].unflatten(-1, (2, 3)))
         moved = torch.nn.functional.pad(moved, (0, goals.shape[-1] - 3)).flatten(2)
-        return (told - labels - moved / self.y_scale).abs().mean()
+        off = (told - labels - moved / self.y_scale).abs().mean()
+        known = carried.gather(-1, self.carried[rows].flatten(1)[..., None])
+        return off - KNOWN * known.clamp(min=UNLIKELY).log().mean()
 
 
-def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
-    """The network, as PyTorch trains it."""
+def module(names: tuple[str, ...], scale: Mapping[str, Any]) -> Any:
+    """The network, as PyTorch trains it, for object states of these names."""
     import torch
     from torch import nn
+
+    things = len(SIDES) + len(bodies(names)) + 1
+    inputs = len(scale["x_mean"]) + len(ways(names))
 
     class Block(nn.Module):
         def __init__(self) -> None:
@@ -214,21 +230,22 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
             nothing = EMPTY * torch.eye(len(SIDES), things)
             nothing = nothing.repeat_interleave(len(KNOTS), 0)
             self.carried.bias = nn.Parameter(nothing.flatten())
-            self.blend = torch.from_numpy(blend().astype(np.float32))
             mean, size = (
-                torch.from_numpy(scale[key]).view(len(SIDES), 1, -1)
+                scale[key].reshape(len(SIDES), 1, -1)[..., :POSE]
                 for key in ("y_mean", "y_scale")
             )
-            self.mean, self.size = mean[..., :POSE], size[..., :POSE]
+            constants = {"blend": blend().astype(np.float32), "mean": mean}
+            constants |= {"size": size, "ways": ways(names)}
+            constants |= {key: scale[key] for key in ("x_mean", "x_scale")}
+            for name, value in constants.items():
+                self.register_buffer(name, torch.from_numpy(value), persistent=False)
 
-        def _apply(self, fn: Any, *args: Any) -> Any:  # constants move with the network
-            for name in ("blend", "mean", "size"):
-                setattr(self, name, fn(getattr(self, name)))
-            return super()._apply(fn, *args)
-
-        def forward(self, x: Any, positions: Any, rotations: Any) -> Any:
-            """Normal labels (B, 30, 20)."""
+        def forward(self, x: Any, positions: Any, rotations: Any) -> tuple[Any, Any]:
+            """Normal labels (B, 30, 20), and shares of what is carried (B, moments, things)."""
             rows = len(x)
+            close = torch.tanh(x[:, self.ways] / CLOSE)
+            x = ((x - self.x_mean) / self.x_scale).clamp(-FURTHEST, FURTHEST)
+            x = torch.cat([x, close], -1)
             how = {"dtype": torch.bfloat16, "enabled": self.training}  # a third faster
             with torch.autocast(x.device.type, **how):
                 seen = self.body(x)
@@ -249,7 +266,8 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
             poses = self.blend @ poses.view(rows, len(SIDES), len(KNOTS), POSE)
             poses = (poses - self.mean) / self.size
             opens = opens.view(rows, len(SIDES), HORIZON, 1)
-            return torch.cat([poses, opens], -1).transpose(1, 2).flatten(2)
+            labels = torch.cat([poses, opens], -1).transpose(1, 2).flatten(2)
+            return labels, carried
 
         def held(
             self, carried: Any, vectors: Any, positions: Any, rotations: Any
@@ -282,12 +300,13 @@ class Network:
             )
         self._net = dict(np.load(path))
         about = json.loads(str(self._net["about"]))
-        if "columns" not in about:
+        if about.get("close") != CLOSE:
             raise PolicyError(
                 f"{path} is of an earlier state of this example, and sees other numbers: train it "
                 "again."
             )
         self.names, self._openings = tuple(about["names"]), about["openings"]
+        self._ways = ways(self.names)
         self._columns = about["columns"]
         self._grippers = Grippers(self._openings)
         gripper = about.get("gripper", DEFAULT_GRIPPER)
@@ -315,14 +334,17 @@ class Network:
     def plan(self, state: Rows, objects: Rows) -> Rows:
         """The next chunk (30, 16) of joints and openings (16,) and an object state (n,)."""
         now = state[None], objects[None], self.names, self._robot
-        chunk = self.chunk(_normal(features(*now), self._net)[0], frames(*now))
+        chunk = self.chunk(features(*now)[0], frames(*now))
         for label in chunk:
             self._grippers.switch(label)
         return to_actions(chunk)
 
     def chunk(self, seen: Rows, here: Frames) -> Rows:
-        """Labels (30, 20) of the normal inputs (k,) and the frames of one state."""
-        x = self._linear(seen, "body.0")
+        """Labels (30, 20) of the features (k,) and the frames of one state."""
+        x = (seen - self._net["x_mean"]) / self._net["x_scale"]
+        x = np.clip(x, -FURTHEST, FURTHEST)
+        x = np.concatenate([x, np.tanh(seen[self._ways] / np.float32(CLOSE))])
+        x = self._linear(x, "body.0")
         for number in range(1, BLOCKS + 1):
             inner = self._linear(
                 self._norm(x, f"body.{number}.norm"), f"body.{number}.up"

@@ -372,12 +372,11 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
 
     def chunk(name: str) -> tuple[np.ndarray, Any]:
         policy = network.Network(tmp_path / f"{name}.npz")
-        seen = network._normal(features(*first), policy._net)[0]
-        return policy.chunk(seen, frames(*first)), policy
+        return policy.chunk(features(*first)[0], frames(*first)), policy
 
     shown = data.labels[data.chunks(network.HORIZON)[0]]
     off = [np.abs(chunk(name)[0] - shown).mean() for name in ("20", "300")]
-    assert off[1] < off[0] / 2
+    assert off[1] < 0.6 * off[0]
     said, policy = chunk("300")
     policy.reset("", 0)
     env = duobench.make(TASK, cameras=False, object_state=True, action_mode="cartesian")
@@ -386,16 +385,23 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     openings = np.array(policy._openings[0] + policy._openings[1], np.float32)
     assert set(np.unique(played[:, [7, 15]])) <= set(openings)
 
+    rows = network._Rows(data, policy._net, "cpu")
+    module = network.module(data.names, policy._net).eval()
+    module.load_state_dict({k: torch.tensor(v) for k, v in policy._net.items() if "." in k})
+    with torch.no_grad():
+        carried = module(rows.x, rows.positions, rows.rotations)[1]
+    known = carried.gather(-1, rows.carried.flatten(1)[..., None])[..., 0]
+    holds = (rows.carried > 1).flatten(1)
+    told_apart = known[holds].mean() + known[~holds].mean()
+    assert told_apart > 1.1  # 1 if it said the same of all
+
     rng = np.random.default_rng(0)  # one that carries things too
     bias = policy._net["carried.bias"]
     policy._net["carried.bias"] = rng.normal(scale=2.0, size=bias.shape).astype(np.float32)
-    seen = network._normal(features(*first), policy._net)[0]
-    said = policy.chunk(seen, frames(*first))
-    rows = network._Rows(data, policy._net, "cpu")  # NumPy plays what PyTorch trained
-    module = network.module(rows.x.shape[1], rows.positions.shape[1], policy._net).eval()
-    module.load_state_dict({k: torch.tensor(v) for k, v in policy._net.items() if "." in k})
-    with torch.no_grad():
-        expected = module(rows.x[:1], rows.positions[:1], rows.rotations[:1]).numpy()
+    said = policy.chunk(features(*first)[0], frames(*first))
+    module.carried.bias.data = torch.from_numpy(policy._net["carried.bias"])
+    with torch.no_grad():  # NumPy plays what PyTorch trained
+        expected = module(rows.x[:1], rows.positions[:1], rows.rotations[:1])[0].numpy()
     expected = expected * policy._net["y_scale"] + policy._net["y_mean"]
     assert np.allclose(said, expected[0], atol=1e-4)
 
@@ -413,7 +419,7 @@ def test_a_thing_is_brought_to_the_same_place_however_it_is_held(tmp_path: Path)
     inputs, things = features(*now).shape[1], frames(*now).positions.shape[1]
     scale = {f"{one}_mean": np.zeros(n, np.float32) for one, n in (("x", inputs), ("y", 20))}
     scale |= {f"{one}_scale": np.ones(n, np.float32) for one, n in (("x", inputs), ("y", 20))}
-    net = network.module(inputs, things, scale)
+    net = network.module(names, scale)
     with torch.no_grad():
         for head in (net.shares, net.carried, net.poses):
             head.weight.zero_()
@@ -427,7 +433,7 @@ def test_a_thing_is_brought_to_the_same_place_however_it_is_held(tmp_path: Path)
         left[:, cube] = 100.0  # the right hand stays empty
         right[:, 1] = 100.0
     about = {"names": names, "columns": [*range(len(names))], "openings": [[0.0, 1.0]] * 2}
-    about |= {"mode": "cartesian"}
+    about |= {"mode": "cartesian", "close": network.CLOSE}
     arrays = network.arrays(net)
     np.savez(tmp_path / "net.npz", about=json.dumps(about), **scale, **arrays)
     policy = network.Network(tmp_path / "net.npz")
@@ -454,6 +460,27 @@ def test_a_hand_is_closed_from_where_it_closed_to_where_it_opens() -> None:
     episodes = np.repeat([5, 8, 11], [5, 3, 3])
     closed = [False, False, True, True, False, False, False, True, True, True, False]
     assert _closed(openings, episodes).tolist() == closed
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
+def test_a_tool_carries_what_its_hand_holds_until_it_lets_go(exports: Path) -> None:
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from frames import bodies, frames  # pyright: ignore[reportMissingImports]
+    from grasps import Grasps  # pyright: ignore[reportMissingImports]
+
+    data = Demonstrations.load(exports / TASK)
+    grasps = Grasps.of(data, frames(data.state, data.objects, data.names))
+    pot = 2 + bodies(data.names).index("pot")
+    steps, own = np.arange(0, 30, 3), np.arange(2)[:, None]
+    carried = grasps.carried(steps)
+    first = np.cumsum(data.lengths) - data.lengths
+    assert (carried[first] == own).all()  # what hands go for is not carried yet
+    both = grasps.holds.all(axis=1)
+    held = steps < grasps.left[both][..., None]
+    assert np.array_equal(carried[both], np.where(held, pot, own))
+    assert not held.all()  # it is let go within some chunks
+    assert held.any()
 
 
 @pytest.mark.slow
