@@ -20,7 +20,6 @@ from duobench.world.robot.frames import ROBOT, Robot
 
 Rows = NDArray[np.float32]
 QUARTERS = 4
-JOINTS_AND_OPENINGS = len(SIDES) * (ARM_JOINTS + 1)
 _QUARTER = 2 * math.pi / QUARTERS
 _MAZE_SIDE, _BOARD = 5, "board"
 """Cells along a side of the maze of `ball_maze`, and what it is a part of."""
@@ -85,7 +84,9 @@ def bodies(names: tuple[str, ...]) -> list[str]:
 def features(
     state: Rows, objects: Rows, names: tuple[str, ...], robot: Robot = ROBOT
 ) -> Rows:
-    """What a policy sees (T, k): the state itself, and every tool and object from every object.
+    """What a policy sees (T, k): openings, objects, and every tool and object from every object.
+
+    Joints are not seen: where tools are says all, and a network would know layouts by them.
 
     Args:
         state: Joints and openings (T, 16).
@@ -102,7 +103,8 @@ def features(
             f"demonstrated ones, which have {len(names)}."
         )
     here, rows = frames(state, objects, names, robot), len(state)
-    seen = [state, objects]
+    openings = state.reshape(rows, len(SIDES), -1)[..., -1]
+    seen = [openings, objects]
     for k in range(here.positions.shape[1]):
         back = here.rotations[:, k]
         ways = np.delete(here.positions, k, axis=1) - here.positions[:, k, None]
@@ -123,7 +125,7 @@ def features(
 
 def columns(names: tuple[str, ...]) -> tuple[list[slice], list[slice]]:
     """Where features tell places of objects, and where other things are from each thing."""
-    first = JOINTS_AND_OPENINGS
+    first = len(SIDES)
     places = [names.index(f"{body}_x") + first for body in bodies(names)]
     things = len(SIDES) + len(places) + 1
     first += len(names)
