@@ -136,6 +136,51 @@ def columns(names: tuple[str, ...]) -> tuple[list[slice], list[slice]]:
     return [slice(place, place + 3) for place in places], ways
 
 
+def misled(
+    objects: Rows,
+    names: tuple[str, ...],
+    place: float,
+    turn: float,
+    rng: np.random.Generator,
+) -> Rows:
+    """Object states (T, n) in which each object is a little elsewhere and turned otherwise.
+
+    Args:
+        objects: Object states (T, n).
+        names: What each number of an object state is.
+        place: Standard deviation of where an object is (m, along each axis).
+        turn: Standard deviation of how it is turned (rad, about each axis).
+        rng: What is drawn from.
+    """
+    told = objects.copy()
+    for thing in bodies(names):
+        column = names.index(f"{thing}_x")
+        told[:, column : column + 3] += place * rng.normal(size=(len(told), 3))
+        if f"{thing}_x_axis_x" not in names:
+            continue
+        turned = rotations_by(turn * rng.normal(size=(len(told), 3)))
+        for axis in "xz":
+            column = names.index(f"{thing}_{axis}_axis_x")
+            part = told[:, column : column + 3]
+            told[:, column : column + 3] = (turned @ part[..., None])[..., 0]
+    return told
+
+
+def cross_matrices(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrices (..., 3, 3) that multiply as a cross product with vectors (..., 3) does."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    rows = [zero, -z, y, z, zero, -x, -y, x, zero]
+    return np.stack(rows, axis=-1).reshape(*vectors.shape, 3)
+
+
+def rotations_by(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    axis = cross_matrices(vectors / np.maximum(angle[..., 0], 1e-12))
+    return np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis
+
+
 def _vector(objects: Rows, names: tuple[str, ...], thing: str, axis: str) -> Rows:
     column = names.index(f"{thing}_{axis}_axis_x")
     return objects[:, column : column + 3].astype(np.float64)

@@ -22,9 +22,9 @@ import network
 import numpy as np
 import torch
 from demonstrations import Demonstrations, Rows
-from frames import QUARTERS, bodies, frames
+from frames import QUARTERS, bodies, frames, misled
 from numpy.typing import NDArray
-from pictures import Pictures, at_rest, watch
+from pictures import Pictures, at_rest, in_play, watch
 from rays import Points, Usual, meet
 from sight import SIZES, Sight, places_of_cameras
 
@@ -36,6 +36,9 @@ from duobench.world.robot.frames import robot_with
 EARLY = 50
 """The n-th row of an episode is drawn with a weight of 1 / (n + `EARLY`): what is seen in the first
 ones decides where hands go, and many later ones look alike."""
+MISPLACED, MISTURNED = 4e-3, 0.06
+"""Largest standard deviations (m, rad) of where things are told to be, and how turned, to what
+plays for it to see: an episode has any up to these, which is what it is wrong by itself."""
 SIGHT, USUAL = "sight.", "usual."
 """What names of its arrays begin with in the file of a network."""
 Array = NDArray[np.float64]
@@ -53,6 +56,8 @@ class Training:
     """Steps."""
     layouts: int = 2000
     """Layouts at rest."""
+    played: int = 60
+    """Episodes of its own play."""
     device: str = "cpu"
     """What PyTorch trains on; it plays on the processor."""
 
@@ -168,9 +173,26 @@ def check(acts: Path, data: Demonstrations) -> None:
         )
 
 
-def see(demos: Path, task: str, data: Demonstrations, layouts: int) -> Pictures:
-    """Render what there is to learn from; see `watch` and `at_rest`."""
-    return watch(demos, task, data) + at_rest(task, data, layouts)
+def see(
+    acts: Path, demos: Path, task: str, data: Demonstrations, how: Training
+) -> Pictures:
+    """Render what there is to learn from; see `watch`, `at_rest` and `in_play`."""
+    seen = watch(demos, task, data) + at_rest(task, data, how.layouts)
+    return seen + in_play(_Misled(acts), task, data, how.played)
+
+
+class _Misled(network.Network):
+    """Acts on object states that are a little wrong, as they are when they are seen."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        self._rng = np.random.default_rng(seed)
+        share = self._rng.random()
+        self._sizes = share * MISPLACED, share * MISTURNED
+
+    def plan(self, state: Rows, objects: Rows) -> Rows:
+        told = misled(objects[None], self.names, *self._sizes, self._rng)[0]
+        return super().plan(state, told)
 
 
 def train(
@@ -417,7 +439,7 @@ if __name__ == "__main__":
         demonstrations = Demonstrations.load(asked.export, asked.episodes)
         check(asked.acts, demonstrations)  # before what takes minutes
         how = Training(device=asked.device)
-        images = see(asked.demos, asked.export.name, demonstrations, how.layouts)
+        images = see(asked.acts, asked.demos, asked.export.name, demonstrations, how)
         print(train(asked.acts, demonstrations, images, asked.out, asked.seed, how))
     except DuoBenchError as error:
         parser.exit(1, f"error: {error}\n")

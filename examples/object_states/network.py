@@ -30,7 +30,7 @@ from demonstrations import (
     openings,
     to_actions,
 )
-from frames import Frames, bodies, columns, features, frames
+from frames import Frames, bodies, columns, features, frames, misled
 from grasps import Grasps, Shift
 from learning import Training, learn
 from numpy.typing import NDArray
@@ -53,6 +53,12 @@ FURTHEST, LEAST = 5.0, 1e-2
 NOISE = 5e-3
 """Standard deviation of what is added to inputs in training (m, rad, and numbers without a unit):
 a policy strays by millimetres from what was shown, and its goals stay where they were."""
+TOLD = 4
+"""How often demonstrations are told: once as they were, and else with every object a little
+elsewhere and turned otherwise. Noise on each input alone would teach that what many inputs say
+alike is so, and that an object which is seen a millimetre too high has been lifted."""
+MISPLACED, MISTURNED = 2e-3, 0.02
+"""Standard deviations (m, rad) of where objects are then, and how they are turned."""
 CLOSE = 0.05
 """Metres over which is told in close-up where one thing is from another: whether a hand is 2 or
 4 cm over what it grasps is little beside how far it comes."""
@@ -105,7 +111,7 @@ def train(
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     scale = _scale(data)
-    shown = _Rows(data, scale, how.device)
+    shown = _Rows(data, scale, how.device, seed)
     net = module(data.names, scale).to(how.device)
     about: dict[str, Any] = {"names": data.names, "columns": data.columns}
     about |= {"close": CLOSE}
@@ -114,7 +120,7 @@ def train(
     trial = Trial(task, how.episodes)
 
     def error() -> Any:
-        rows = torch.randint(len(shown.x), (how.batch,))
+        rows = torch.randint(len(shown.labels), (how.batch,))
         return shown.error(net, rows.to(how.device))
 
     def look(average: Any, file: Path) -> tuple[int, float]:
@@ -152,18 +158,24 @@ class _Rows:
     """Demonstrations as tensors."""
 
     def __init__(
-        self, data: Demonstrations, scale: Mapping[str, Any], device: str
+        self, data: Demonstrations, scale: Mapping[str, Any], device: str, seed: int
     ) -> None:
         import torch
 
-        now = data.state, data.objects, data.names, robot_with(data.gripper)
-        here = frames(*now)
-        grasps = Grasps.of(data, here)
+        robot = robot_with(data.gripper)
+        rng = np.random.default_rng(seed)
+        told = [data.objects]
+        while len(told) < TOLD:
+            amiss = misled(data.objects, data.names, MISPLACED, MISTURNED, rng)
+            told.append(amiss)
+        seen = [(data.state, objects, data.names, robot) for objects in told]
+        here = [frames(*one) for one in seen]
+        grasps = Grasps.of(data, here[0])
         self._names = data.names
         parts = {
-            "x": features(*now),
-            "positions": here.positions,
-            "rotations": here.rotations,
+            "x": np.concatenate([features(*one) for one in seen]),
+            "positions": np.concatenate([one.positions for one in here]),
+            "rotations": np.concatenate([one.rotations for one in here]),
             "labels": (data.labels - scale["y_mean"]) / scale["y_scale"],
             "y_mean": scale["y_mean"],
             "y_scale": scale["y_scale"],
@@ -181,20 +193,22 @@ class _Rows:
         self.holds = torch.from_numpy(grasps.holds).to(device)
 
     def error(self, net: Any, rows: Any) -> Any:
-        """Error of the chunks of some rows, seen and held a little otherwise."""
+        """Error of the chunks of some rows, seen, told and held a little otherwise."""
         import torch
 
-        rotations, labels = self.rotations[rows], self.labels[self.chunks[rows]]
+        told = torch.randint(TOLD, rows.shape, device=rows.device)
+        told = rows + told * len(self.labels)
+        rotations, labels = self.rotations[told], self.labels[self.chunks[rows]]
         grasps = self.things[rows], self.holds[rows], self.left[rows]
         shift = Shift.drawn(OTHERWISE, *grasps, rotations)
-        x = self.x[rows]
+        x = self.x[told]
         x = x + shift.features(rotations, self._names, x.shape[1])
         x = x + NOISE * torch.randn(x.shape).to(x)
-        told, carried = net(x, self.positions[rows] + shift.things, rotations)
+        said, carried = net(x, self.positions[told] + shift.things, rotations)
         goals = (labels * self.y_scale + self.y_mean).unflatten(-1, (len(SIDES), -1))
         moved = shift.labels(goals[..., 3:POSE].unflatten(-1, (2, 3)))
         moved = torch.nn.functional.pad(moved, (0, goals.shape[-1] - 3)).flatten(2)
-        off = (told - labels - moved / self.y_scale).abs().mean()
+        off = (said - labels - moved / self.y_scale).abs().mean()
         known = carried.gather(-1, self.carried[rows].flatten(1)[..., None])
         return off - KNOWN * known.clamp(min=UNLIKELY).log().mean()
 

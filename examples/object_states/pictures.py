@@ -1,10 +1,11 @@
-"""Images to learn to see from: of demonstrations, and of layouts at rest.
+"""Images to learn to see from: of demonstrations, of layouts at rest, and of a policy's own play.
 
 What is to be seen in them is known: the simulation says it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ from duobench.core.errors import DataError
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.types import SIDES, DuoCommand
 from duobench.data import DataSet, ImageSource
+from duobench.policy import Policy
+from duobench.results.run import needed_options
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.simulation import Simulation
 
@@ -136,15 +139,54 @@ def at_rest(task: str, data: Demonstrations, count: int) -> Pictures:
     return Pictures(images, np.array(states), np.array(objects), before, held)
 
 
-def _rendered(shown: Callable[[], Iterator[Simulation]], count: int) -> list[Pixels]:
+def in_play(policy: Policy, task: str, data: Demonstrations, episodes: int) -> Pictures:
+    """Render every sixth step of a policy that plays layouts of `train`, failures too.
+
+    What it drops, and holds otherwise than shown, is seen nowhere else.
+    """
+    options = needed_options(policy.metadata)
+    env = duobench.make(task, split=TRAIN, **options)
+    simulation = env.get_wrapper_attr("simulation")
+    states, objects, before, number = [], [], [], []
+
+    def shown() -> Iterator[Simulation]:
+        for n in range(episodes):
+            seen, _ = env.reset(seed=episode_seed(task, LEARNED + n, TRAIN))
+            policy.reset("", n)
+            steps, is_over, actions = 0, False, iter(())
+            while not is_over:
+                if steps % EVERY == 0:
+                    states.append(seen["agent_pos"])
+                    objects.append(seen["environment_state"][list(data.columns)])
+                    before.append(steps)
+                    number.append(n)
+                    yield simulation
+                action = next(actions, None)
+                if action is None:
+                    actions = iter(policy.act(seen))
+                    action = next(actions)
+                seen, _, ends, is_cut, _ = env.step(action)
+                steps, is_over = steps + 1, ends or is_cut
+            if n % 20 == 0:
+                print(f"{task}: {n + 1} of {episodes} episodes played", flush=True)
+
+    limit = env.get_wrapper_attr("definition").horizon
+    images = _rendered(shown, episodes * math.ceil(limit / EVERY))
+    env.close()
+    held = np.array(number) % HELD_OUT == HELD_OUT - 1
+    return Pictures(images, np.array(states), np.array(objects), np.array(before), held)
+
+
+def _rendered(shown: Callable[[], Iterator[Simulation]], most: int) -> list[Pixels]:
     """Images of each camera of what one simulation shows, one after the other."""
-    images = [np.empty((count, *size, 3), np.uint8) for size in SIZES.values()]
-    backend = None
+    images = [np.empty((most, *size, 3), np.uint8) for size in SIZES.values()]
+    backend, count = None, 0
     for place, simulation in enumerate(shown()):
         backend = backend or SimBackend(simulation)
         seen = backend.images_by_kind({"rgb": dict(SIZES)})["rgb"]
         for camera, image in zip(SIZES, images, strict=True):
             image[place] = seen[camera]
+        count = place + 1
     if backend:
         backend.close()
-    return images
+    return [image[:count] for image in images]

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from frames import bodies
+from frames import bodies, cross_matrices, rotations_by
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -146,7 +146,7 @@ def meet(rays: Rays, points: Points, usual: Usual, guess: Array) -> tuple[Array,
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         step = step.reshape(count, 2, things, 3)
         places = places + step[:, 0]
-        turns = _rotation(step[:, 1]) @ turns
+        turns = rotations_by(step[:, 1]) @ turns
     return places, turns
 
 
@@ -187,7 +187,7 @@ def _to_rays(rays: Rays, points: Points, places: Array, turns: Array) -> _Pull:
     moves = _moves(len(places), len(points.things), places.shape[1])
     for j, k in enumerate(points.things):
         moves[:, j, :, 0, k] = np.eye(3)
-        moves[:, j, :, 1, k] = -_cross(here[:, j] - places[:, k])
+        moves[:, j, :, 1, k] = -cross_matrices(here[:, j] - places[:, k])
     errors = np.linalg.solve(weights + TINY * np.eye(3), forces)[..., 0]
     return _Pull(errors, weights, moves)
 
@@ -221,7 +221,7 @@ def _to_others(usual: Usual, places: Array, turns: Array, other: int) -> _Pull:
     for k in range(things):
         moves[:, k, :, 0, k] = np.eye(3)
     moves[:, :, :, 0, other] -= np.eye(3)
-    moves[:, :, :, 1, other] = _cross(there)
+    moves[:, :, :, 1, other] = cross_matrices(there)
     weights = turn @ usual.precision[other] @ turn.swapaxes(-1, -2)
     return _Pull(places - places[:, other, None] - there, weights, moves)
 
@@ -230,23 +230,8 @@ def _moves(count: int, vectors: int, things: int) -> Array:
     return np.zeros((count, vectors, 3, 2, things, 3))
 
 
-def _cross(vectors: Array) -> Array:
-    """Matrices (..., 3, 3) that multiply as a cross product with vectors (..., 3) does."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    rows = [zero, -z, y, z, zero, -x, -y, x, zero]
-    return np.stack(rows, axis=-1).reshape(*vectors.shape, 3)
-
-
 def _turn(wanted: Array, now: Array) -> Array:
     """By which vectors (..., 3) rotations are to be turned to be others, for small ones."""
     error = wanted @ np.swapaxes(now, -1, -2)
     odd = (error - np.swapaxes(error, -1, -2)) / 2
     return np.stack([odd[..., 2, 1], odd[..., 0, 2], odd[..., 1, 0]], axis=-1)
-
-
-def _rotation(vectors: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    axis = _cross(vectors / np.maximum(angle[..., 0], 1e-12))
-    return np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis

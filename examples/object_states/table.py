@@ -200,7 +200,7 @@ def see(
 
     before = processor_seconds()
     how = images.Training(device=asked.device)
-    pictures = images.see(asked.images, task, data, how.layouts)
+    pictures = images.see(acts, asked.images, task, data, how)
     told = images.train(acts, data, pictures, out, seed, how)
     return told | {"seconds": round(processor_seconds() - before)}
 

@@ -385,11 +385,15 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     openings = np.array(policy._openings[0] + policy._openings[1], np.float32)
     assert set(np.unique(played[:, [7, 15]])) <= set(openings)
 
-    rows = network._Rows(data, policy._net, "cpu")
+    rows = network._Rows(data, policy._net, "cpu", 0)
     module = network.module(data.names, policy._net).eval()
     module.load_state_dict({k: torch.tensor(v) for k, v in policy._net.items() if "." in k})
     with torch.no_grad():
-        carried = module(rows.x, rows.positions, rows.rotations)[1]
+        every = slice(len(rows.labels))  # as they were
+        carried = module(rows.x[every], rows.positions[every], rows.rotations[every])[1]
+    copies = rows.x.reshape(network.TOLD, len(data.state), -1).numpy()
+    assert np.allclose(copies[0], features(data.state, data.objects, data.names))
+    assert all(0.0 < np.abs(one - copies[0]).max() < 0.5 for one in copies[1:])
     known = carried.gather(-1, rows.carried.flatten(1)[..., None])[..., 0]
     holds = (rows.carried > 1).flatten(1)
     told_apart = known[holds].mean() + known[~holds].mean()
@@ -450,6 +454,28 @@ def test_a_thing_is_brought_to_the_same_place_however_it_is_held(tmp_path: Path)
         assert np.allclose(chunk[:, 1, :3], place, atol=1e-5)
         chunks.append(chunk[:, 0, :3])
     assert np.abs(chunks[1] - chunks[0]).max() > 0.02
+
+
+@pytest.mark.usefixtures("example")
+def test_object_states_are_told_a_little_amiss() -> None:
+    from frames import bodies, frames, misled  # pyright: ignore[reportMissingImports]
+
+    objects = np.repeat(board(1, {}, np.array([1.0, 2.0])), 500, axis=0)
+    state = np.zeros((len(objects), 16), np.float32)
+    told = misled(objects, NAMES, 2e-3, 0.02, np.random.default_rng(0))
+    true, amiss = (frames(state, one, NAMES) for one in (objects, told))
+    places = slice(2, 2 + len(bodies(NAMES)))
+    off = (amiss.positions - true.positions)[:, places]
+    assert np.allclose(off.std(axis=0), 2e-3, rtol=0.2)
+    turned = true.rotations[:, 2].swapaxes(1, 2) @ amiss.rotations[:, 2]
+    assert np.allclose(turned @ turned.swapaxes(1, 2), np.eye(3), atol=1e-5)
+    about = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=1)
+    assert np.allclose(about.std(axis=0), 0.02, rtol=0.2)
+    moved = {n for n, name in enumerate(NAMES) if np.ptp(told[:, n]) > 0}
+    ends = ("_x", "_y", "_z")
+    assert {NAMES[n] for n in moved} == {
+        name for name in NAMES if name.endswith(ends) and "velocity" not in name
+    }
 
 
 @pytest.mark.usefixtures("example")
@@ -908,27 +934,40 @@ def kill_this_process(*_: object) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("example", "checkpoint")
-def test_pictures_are_of_demonstrations_and_of_layouts_at_rest(
-    exports: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.usefixtures("unplayed", "checkpoint")
+def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     import images  # pyright: ignore[reportMissingImports]
+    import network  # pyright: ignore[reportMissingImports]
     import pictures  # pyright: ignore[reportMissingImports]
     import sight  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
 
     monkeypatch.setattr(pictures, "HELD_OUT", 2)
     data, demos = Demonstrations.load(exports / TASK), exports.with_name("demos")
+    acts = tmp_path / "acts.npz"
+    network.train(data, TASK, acts, 0, brief(1))
+    how = images.Training(layouts=4, played=2)
+    other = replace(data, state=data.state + 0.1)
     with pytest.raises(DataError, match=r"Episode 0 of .* is not that of the export"):
-        images.see(demos, TASK, replace(data, state=data.state + 0.1), 4)
-    seen = images.see(demos, TASK, data, 4)
+        images.see(acts, demos, TASK, other, how)
+    seen = images.see(acts, demos, TASK, data, how)
     of_episodes = [-(-length // pictures.EVERY) for length in data.lengths.tolist()]
     rows = sum(of_episodes)
-    shapes = [(rows + 4, *size, 3) for size in sight.SIZES.values()]
+    played = -(-catalog.get(TASK).horizon // pictures.EVERY)  # it succeeds in none
+    shapes = [(rows + 4 + 2 * played, *size, 3) for size in sight.SIZES.values()]
     assert [one.shape for one in seen.images] == shapes
-    held = np.repeat([False, True, False, True], [*of_episodes, 2, 2])
+    held = [False, True] * 3
+    held = np.repeat(held, [*of_episodes, 2, 2, played, played])
     assert np.array_equal(seen.held, held)
+    for first in (rows + 4, rows + 4 + played):
+        assert np.allclose(seen.state[first], data.state[0], atol=1e-3)
+        assert np.abs(seen.state[first + played - 1] - seen.state[first]).max() > 0.1
+        before = range(0, pictures.EVERY * played, pictures.EVERY)
+        assert seen.before[first : first + played].tolist() == [*before]
+    assert np.abs(np.diff(seen.objects[[rows + 4, rows + 4 + played]], axis=0)).max() > 1e-3
     for rest in (0, 2):  # with their hands at home, and with those of a demonstration
         home, moved = seen.state[rows + rest : rows + rest + 2]
         assert seen.before[rows + rest :].tolist()[:2] == [0, pictures.MOVED]
@@ -956,7 +995,7 @@ def test_a_network_that_sees_images_is_trained_and_played(
     data, demos = Demonstrations.load(exports / TASK), exports.with_name("demos")
     short = brief(2)
     monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
-    longer = images.Training(batch=16, passes=25, warm_up=5, layouts=4)
+    longer = images.Training(batch=16, passes=25, warm_up=5, layouts=4, played=2)
     monkeypatch.setattr(images, "Training", lambda device: replace(longer, device=device))
     asked = options(exports, tmp_path, images=demos)
     assert "of 1" in table.job(asked, TASK, 0)
