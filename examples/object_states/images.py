@@ -37,8 +37,8 @@ EARLY = 50
 """The n-th row of an episode is drawn with a weight of 1 / (n + `EARLY`): what is seen in the first
 ones decides where hands go, and many later ones look alike."""
 MISPLACED, MISTURNED = 4e-3, 0.06
-"""Largest standard deviations (m, rad) of where things are told to be, and how turned, to what
-plays for it to see: an episode has any up to these, which is what it is wrong by itself."""
+"""Largest standard deviations (m, rad) of where objects are told to be, and how turned, to the
+network whose play is rendered; each episode draws its own up to these."""
 SIGHT, USUAL = "sight.", "usual."
 """What names of its arrays begin with in the file of a network."""
 Array = NDArray[np.float64]

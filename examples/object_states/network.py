@@ -55,8 +55,8 @@ NOISE = 5e-3
 a policy strays by millimetres from what was shown, and its goals stay where they were."""
 TOLD = 4
 """How often demonstrations are told: once as they were, and else with every object a little
-elsewhere and turned otherwise. Noise on each input alone would teach that what many inputs say
-alike is so, and that an object which is seen a millimetre too high has been lifted."""
+elsewhere and turned otherwise: noise on each input alone is averaged away over the many inputs
+that tell of one object."""
 MISPLACED, MISTURNED = 2e-3, 0.02
 """Standard deviations (m, rad) of where objects are then, and how they are turned."""
 CLOSE = 0.05

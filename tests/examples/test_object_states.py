@@ -950,6 +950,13 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
     acts = tmp_path / "acts.npz"
     network.train(data, TASK, acts, 0, brief(1))
     how = images.Training(layouts=4, played=2)
+    now = data.state[0], data.objects[0]
+    told = []
+    for policy in (network.Network(acts), images._Misled(acts), images._Misled(acts)):
+        policy.reset("", 0)
+        told.append(policy.plan(*now))
+    assert np.abs(told[1] - told[0]).max() > 1e-4  # it is misled, and alike every time
+    assert np.array_equal(told[1], told[2])
     other = replace(data, state=data.state + 0.1)
     with pytest.raises(DataError, match=r"Episode 0 of .* is not that of the export"):
         images.see(acts, demos, TASK, other, how)
