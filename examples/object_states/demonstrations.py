@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,8 @@ OPENS_FROM = 0.85
 """A gripper opens once it is told to go this part of the way, and closes from half of it: a network
 that is unsure when to let go says something between, and would do so while it still lowers."""
 CLOSES_FROM = 0.5
+STILL = [2e-3] * 3 + [2e-2] * 6
+"""What poses of a hand that stays where it is differ by at most: metres, and axes."""
 MODES = {16: "joint", 20: "cartesian"}
 """Action modes, by how many numbers their labels have."""
 
@@ -173,20 +176,37 @@ def _last_openings(labels: Rows, number: NDArray[np.int64]) -> NDArray[np.bool_]
 
 
 class Grippers:
-    """Both grippers of an episode: they take the openings of the demonstrations, and no others."""
+    """Both grippers of an episode: they take the openings of the demonstrations, and no others.
 
-    def __init__(self, values: list[list[float]]) -> None:
+    A hand stays where it is while its gripper closes or opens, as demonstrated: a network that is
+    unsure when it lifts would say poses between, and lift a thing that it holds by its rim.
+    """
+
+    def __init__(
+        self,
+        values: list[list[float]],
+        still: Sequence[Sequence[int]] = ((0, 0), (0, 0)),
+    ) -> None:
         """Begin with open hands.
 
         Args:
             values: The openings that the demonstrations ask for, of the left and the right hand.
+            still: For how many labels each hand stays where it is once its gripper is told to
+                close, and to open.
         """
         self._values = values
+        self._still = still
         self._now = [max(side) for side in values]
+        self._left = [0 for _ in values]
+        self._poses: list[Rows] = [np.empty(0, np.float32) for _ in values]
 
     def switch(self, label: Rows) -> None:
-        """Put into a label what the grippers are to do, instead of what it says."""
+        """Put into a label what the grippers are to do, and where hands stay meanwhile."""
         for side, column in enumerate(opening_columns(label)):
+            pose = label[column + 1 - label.size // 2 : column]
+            if self._left[side]:
+                self._left[side] -= 1
+                pose[:] = self._poses[side]
             told, now = float(label[column]), self._now[side]
             meant = [
                 value
@@ -195,10 +215,41 @@ class Grippers:
                 and (told - now) / (value - now)
                 >= (OPENS_FROM if value > now else CLOSES_FROM)
             ]
-            self._now[side] = min(
-                meant, key=lambda value: abs(value - told), default=now
-            )
+            if meant:
+                value = min(meant, key=lambda value: abs(value - told))
+                self._now[side] = value
+                self._left[side] = self._still[side][int(value > now)]
+                self._poses[side] = pose.copy()
             label[column] = self._now[side]
+
+
+def stillness(labels: Rows, lengths: NDArray[np.int64]) -> list[list[int]]:
+    """For how many labels a hand stays where it is, whenever its gripper was told to move.
+
+    Args:
+        labels: Poses and openings (T, 20).
+        lengths: Rows of each episode.
+
+    Returns:
+        The fewest after it was told to close, and to open, of the left and the right hand.
+    """
+    ends = np.repeat(np.cumsum(lengths), lengths)
+    found = []
+    for column in opening_columns(labels):
+        poses = labels[:, column + 1 - labels.shape[1] // 2 : column]
+        changes = np.diff(labels[:, column].round(3))
+        changes[ends[1:] != ends[:-1]] = 0
+        fewest = []
+        for way in (-1, 1):
+            rows = np.flatnonzero(np.sign(changes) == way) + 1
+            stays = [
+                (abs(poses[row : ends[row]] - poses[row]) < STILL).all(1)
+                for row in rows
+            ]
+            counts = [np.append(one, False).argmin() - 1 for one in stays]
+            fewest.append(int(min(counts, default=0)))
+        found.append(fewest)
+    return found
 
 
 def openings(labels: Rows) -> list[list[float]]:

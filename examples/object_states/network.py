@@ -28,6 +28,7 @@ from demonstrations import (
     action_mode,
     checkpoint,
     openings,
+    stillness,
     to_actions,
 )
 from frames import Frames, bodies, columns, features, frames, misled
@@ -116,6 +117,7 @@ def train(
     about: dict[str, Any] = {"names": data.names, "columns": data.columns}
     about |= {"close": CLOSE}
     about |= {"openings": openings(data.labels), "gripper": data.gripper}
+    about |= {"still": stillness(data.labels, data.lengths)}
     about |= {"mode": action_mode(data.labels)}
     trial = Trial(task, how.episodes)
 
@@ -314,15 +316,16 @@ class Network:
             )
         self._net = dict(np.load(path))
         about = json.loads(str(self._net["about"]))
-        if about.get("close") != CLOSE:
+        if about.get("close") != CLOSE or "still" not in about:
             raise PolicyError(
-                f"{path} is of an earlier state of this example, and sees other numbers: train it "
-                "again."
+                f"{path} is of an earlier state of this example, and would be played otherwise: "
+                "train it again."
             )
-        self.names, self._openings = tuple(about["names"]), about["openings"]
+        self.names = tuple(about["names"])
+        self._hands = about["openings"], about["still"]
         self._ways = ways(self.names)
         self._columns = about["columns"]
-        self._grippers = Grippers(self._openings)
+        self._grippers = Grippers(*self._hands)
         gripper = about.get("gripper", DEFAULT_GRIPPER)
         self._robot = robot_with(os.environ.get("GRIPPER", gripper))
         self._blend = blend()
@@ -338,7 +341,7 @@ class Network:
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
         """Begin an episode with open hands."""
-        self._grippers = Grippers(self._openings)
+        self._grippers = Grippers(*self._hands)
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
