@@ -3,9 +3,9 @@
 A scripted person grasps alike every time, and brings what is held to the same place to a tenth of a
 millimetre: so demonstrations do not show that a hand has to go elsewhere where it holds a thing
 otherwise. A network that plays grasps some millimetres off, and then has to. So it learns from rows
-in which things are moved in the hand, and where the hand is to go as far the other way; and from
-rows in which what a hand goes for lies elsewhere, and the hand goes there: else it takes what is
-not where it was shown for held.
+in which things are moved and turned in the hand, and where the hand is to go the other way; and
+from rows in which what a hand goes for lies elsewhere, and the hand goes there: few demonstrations
+then show every place near those that they show.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from demonstrations import Demonstrations, opening_columns
-from frames import Frames, columns
+from demonstrations import Demonstrations, Rows, opening_columns
+from frames import Frames, bodies, rotations_by
 from numpy.typing import NDArray
 
 from duobench.core.types import SIDES
@@ -29,6 +29,12 @@ SLIP = 2e-3
 """Metres that it may move there over them."""
 MOVED = 0.01
 """Metres that a thing is moved by a hand that holds it, at least."""
+MOVED_BY, TURNED_BY = 0.01, 0.1
+"""Standard deviations (m along each axis, rad about each) of how things lie or are held otherwise.
+"""
+AROUND = 0.1
+"""Metres from the origin of a thing within which a hand that goes for it is turned with it: beyond
+twice as far it comes as it came."""
 FADE = 15
 """Steps after which goals are as demonstrated again, once a thing was let go or has moved."""
 NOTHING = -1
@@ -132,65 +138,118 @@ def _stretches(closed: NDArray[np.bool_], ends: NDArray[np.int64]) -> NDArray[np
 
 
 @dataclass(frozen=True)
-class Shift:
-    """How far things are moved that hands hold or go for, for B rows.
+class Moves:
+    """Moves of T hands: turns about a centre, and then ways; of NumPy or PyTorch.
 
     Attributes:
-        things: In the table's frame, of tools, objects and the table (B, K, 3), in metres.
-        goes: The same of what each hand goes for (B, sides, 3).
-        inside: In the frames of the tools, of what they hold (B, sides, 3).
-        left: For how many steps of a chunk (B, sides) that counts.
+        turns: Rotation matrices (T, sides, 3, 3).
+        ways: In metres (T, sides, 3).
+        centres: In metres (T, sides, 3).
     """
 
-    things: Any
-    goes: Any
-    inside: Any
-    left: Any
+    turns: Any
+    ways: Any
+    centres: Any
 
     @staticmethod
-    def drawn(size: float, things: Any, holds: Any, left: Any, rotations: Any) -> Shift:
-        """One drawn at random, of grasps (B, sides), with frames (B, K, 3, 3)."""
-        import torch
+    def none(rows: int) -> Moves:
+        """No moves."""
+        turns = np.tile(np.eye(3), (rows, len(SIDES), 1, 1))
+        return Moves(turns, *np.zeros((2, rows, len(SIDES), 3)))
 
-        turns = rotations[:, : len(SIDES)]
-        shift = torch.zeros(rotations.shape[:-1]).to(turns)
-        rows = torch.arange(len(shift), device=shift.device)
-        there = size * torch.randn(len(shift), len(SIDES), 3).to(turns)
-        for side in range(len(SIDES)):
-            some = (things[:, side] != NOTHING)[:, None]
-            place = things[:, side].clamp(min=0) + len(SIDES)
-            shift[rows, place] = torch.where(some, there[:, side], shift[rows, place])
-        place = things.clamp(min=0) + len(SIDES)
-        there = shift.gather(1, place[..., None].expand(-1, -1, 3))
-        there = torch.where((things == NOTHING)[..., None], 0.0, there)
-        inside = (turns.mT @ there[..., None])[..., 0]
-        goes = torch.where(holds[..., None], 0.0, there)
-        inside = torch.where(holds[..., None], inside, 0.0)
-        return Shift(shift, goes, inside, left)
 
-    def features(self, rotations: Any, names: tuple[str, ...], width: int) -> Any:
-        """By how much features (B, width) change, with frames (B, K, 3, 3)."""
-        import torch
+@dataclass(frozen=True)
+class Otherwise:
+    """What T rows of demonstrations were, had things lain or been held otherwise.
 
-        places, ways = columns(names)
-        change = torch.zeros(len(rotations), width).to(rotations)
-        for k, part in enumerate(places, len(SIDES)):
-            change[:, part] = self.things[:, k]
-        for k, part in enumerate(ways):
-            away = self.things - self.things[:, k, None]
-            seen = away @ rotations[:, k]
-            others = [other for other in range(len(ways)) if other != k]
-            change[:, part] = seen[:, others].flatten(1)
-        return change
+    What a hand holds is turned about that hand, and what hands go for about its origin.
 
-    def labels(self, axes: Any) -> Any:
-        """By how much the places of tools (B, steps, sides, 3) change, with axes (..., 2, 3)."""
-        import torch
-        from torch.nn import functional
+    Attributes:
+        objects: Object states (T, n).
+        goals: How hands go elsewhere to get things, in the table's frame.
+        held: How they go elsewhere to bring things where they were brought, in frames of the tools.
+    """
 
-        x, y = functional.normalize(axes, dim=-1).unbind(-2)
-        turned = torch.stack([x, y, torch.linalg.cross(x, y)], -1)
-        held = (turned @ self.inside[:, None, ..., None])[..., 0]
-        steps = torch.arange(axes.shape[1], device=axes.device)
-        over = (steps[None, :, None] - self.left[:, None]) / FADE
-        return (self.goes[:, None] - held) * (1 - over).clamp(0, 1)[..., None]
+    objects: Rows
+    goals: Moves
+    held: Moves
+
+    @staticmethod
+    def drawn(
+        data: Demonstrations,
+        here: Frames,
+        grasps: Grasps,
+        rng: np.random.Generator,
+        size: tuple[float, float] = (MOVED_BY, TURNED_BY),
+    ) -> Otherwise:
+        """One drawn at random: standard deviations of ways and turns are in metres and rad."""
+        names, rows = data.names, len(data.objects)
+        objects = data.objects.copy()
+        goals, held = Moves.none(rows), Moves.none(rows)
+        for thing, body in enumerate(bodies(names)):
+            hands = grasps.things == thing
+            some = np.flatnonzero(hands.any(1))
+            hands, holds = hands[some], hands[some] & grasps.holds[some]
+            place = slice(names.index(f"{body}_x"), names.index(f"{body}_x") + 3)
+            axes = [f"{body}_{axis}_axis_x" for axis in "xz"]
+            starts = [names.index(axis) for axis in axes if axis in names]
+            way = size[0] * rng.normal(size=(len(some), 3))
+            angle = size[1] if starts else 0.0
+            turn = rotations_by(angle * rng.normal(size=(len(some), 3)))
+            origin = here.positions[some, len(SIDES) + thing]
+            hand = here.positions[some, holds.argmax(1)]
+            centre = np.where(holds.any(1)[:, None], hand, origin)
+            objects[some, place] = centre + _by(turn, origin - centre) + way
+            for start in starts:
+                axis = slice(start, start + 3)
+                objects[some, axis] = _by(turn, data.objects[some, axis])
+            for side in range(len(SIDES)):
+                goes = hands[:, side] & ~holds[:, side]
+                goals.turns[some[goes], side] = turn[goes]
+                goals.ways[some[goes], side] = way[goes]
+                goals.centres[some[goes], side] = centre[goes]
+                has = holds[:, side]
+                tool, frame = (
+                    part[some[has], side] for part in (here.positions, here.rotations)
+                )
+                back, into = turn[has].swapaxes(1, 2), frame.swapaxes(1, 2)
+                brought = centre[has] + _by(back, tool - way[has] - centre[has])
+                held.turns[some[has], side] = into @ back @ frame
+                held.ways[some[has], side] = _by(into, brought - tool)
+        return Otherwise(objects, goals, held)
+
+
+def moved(poses: Any, goals: Moves, held: Moves, left: Any) -> Any:
+    """Where hands are to be (B, steps, sides, 9), had things lain or been held otherwise.
+
+    Args:
+        poses: Where they were to be: places, and two axes, as tensors.
+        goals: See `Otherwise`; of B rows.
+        held: The same.
+        left: For how many steps that counts (B, sides).
+    """
+    import torch
+    from torch.nn import functional
+
+    places, axes = poses[..., :3], poses[..., 3:].unflatten(-1, (2, 3))
+    same = torch.eye(3, device=poses.device)
+    more = (goals.turns - same)[:, None]
+    away = places - goals.centres[:, None]
+    near = (2 - away.norm(dim=-1, keepdim=True) / AROUND).clamp(0, 1)
+    ways = goals.ways[:, None] + near * (more @ away[..., None])[..., 0]
+    turned = near[..., None] * (axes @ more.mT)
+    x, y = functional.normalize(axes, dim=-1).unbind(-2)
+    frame = torch.stack([x, y, torch.linalg.cross(x, y)], -1)
+    ways = ways + (frame @ held.ways[:, None, ..., None])[..., 0]
+    turned = turned + (frame @ (held.turns - same)[:, None])[..., :2].mT
+    steps = torch.arange(poses.shape[1], device=poses.device)
+    over = (steps[None, :, None] - left[:, None]) / FADE
+    counts = (1 - over).clamp(0, 1)[..., None]
+    return poses + counts * torch.cat([ways, turned.flatten(-2)], -1)
+
+
+def _by(
+    turns: NDArray[np.floating], vectors: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Vectors (T, 3) turned by matrices (T, 3, 3)."""
+    return (turns @ vectors[..., None])[..., 0]

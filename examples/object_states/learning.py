@@ -28,6 +28,8 @@ class Training:
 
     batch: int = 256
     rate: float = 1e-3
+    decay: float = 0.1
+    """Of weights; AdamW's, which is multiplied by the rate."""
     warm_up: int = 100
     """Steps."""
     every: int = 2500
@@ -71,7 +73,7 @@ def learn(
     net.train()
     average = copy.deepcopy(net)
     adam = torch.optim.AdamW(
-        net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True
+        net.parameters(), lr=how.rate, weight_decay=how.decay, fused=True
     )
     looks: list[tuple[int, float]] = []
     before, spent = processor_seconds(), 0.0

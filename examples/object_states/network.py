@@ -32,7 +32,7 @@ from demonstrations import (
     to_actions,
 )
 from frames import Frames, bodies, columns, features, frames, misled
-from grasps import Grasps, Shift
+from grasps import Grasps, Moves, Otherwise, moved
 from learning import Training, learn
 from numpy.typing import NDArray
 from own_play import Trial
@@ -54,12 +54,13 @@ FURTHEST, LEAST = 5.0, 1e-2
 NOISE = 5e-3
 """Standard deviation of what is added to inputs in training (m, rad, and numbers without a unit):
 a policy strays by millimetres from what was shown, and its goals stay where they were."""
-TOLD = 4
-"""How often demonstrations are told: once as they were, and else with every object a little
-elsewhere and turned otherwise: noise on each input alone is averaged away over the many inputs
-that tell of one object."""
+ROWS, TIMES = 400_000, 4
+"""Rows and times that demonstrations are told at least, each time otherwise (see `grasps.py`)."""
+EXACT = 4
+"""Every so many times they are told exactly, and else with noise on object poses: noise on each
+input alone is averaged away over the many inputs that tell of one object."""
 MISPLACED, MISTURNED = 2e-3, 0.02
-"""Standard deviations (m, rad) of where objects are then, and how they are turned."""
+"""Standard deviations of that noise (m, rad)."""
 CLOSE = 0.05
 """Metres over which is told in close-up where one thing is from another: whether a hand is 2 or
 4 cm over what it grasps is little beside how far it comes."""
@@ -67,8 +68,6 @@ EMPTY = 3.0
 """Logarithm of how much likelier than with any one thing a hand is empty, before training."""
 UNLIKELY = 1e-6
 """Share of what is carried that is as surprising as nought."""
-OTHERWISE = 4e-3
-"""Standard deviation of where a thing is held or lies (m, along each axis) in training."""
 KNOWN = 0.05
 """What it counts how surprising it is what hands carry, beside errors of chunks."""
 METRES = 0.1
@@ -157,62 +156,63 @@ def blend() -> Rows:
 
 
 class _Rows:
-    """Demonstrations as tensors."""
+    """Demonstrations as tensors, told several times, each time otherwise."""
 
     def __init__(
         self, data: Demonstrations, scale: Mapping[str, Any], device: str, seed: int
     ) -> None:
         import torch
 
+        def tensor(part: NDArray[Any]) -> Any:
+            kind = np.int64 if part.dtype.kind == "i" else np.float32
+            return torch.from_numpy(part.astype(kind)).to(device)
+
         robot = robot_with(data.gripper)
         rng = np.random.default_rng(seed)
-        told = [data.objects]
-        while len(told) < TOLD:
-            amiss = misled(data.objects, data.names, MISPLACED, MISTURNED, rng)
-            told.append(amiss)
-        seen = [(data.state, objects, data.names, robot) for objects in told]
-        here = [frames(*one) for one in seen]
-        grasps = Grasps.of(data, here[0])
-        self._names = data.names
-        parts = {
-            "x": np.concatenate([features(*one) for one in seen]),
-            "positions": np.concatenate([one.positions for one in here]),
-            "rotations": np.concatenate([one.rotations for one in here]),
-            "labels": (data.labels - scale["y_mean"]) / scale["y_scale"],
-            "y_mean": scale["y_mean"],
-            "y_scale": scale["y_scale"],
-        }
-        whole = {
-            "chunks": data.chunks(HORIZON),
-            "carried": grasps.carried(KNOTS),
-            "things": grasps.things,
-            "left": grasps.left,
-        }
-        for name, part in (parts | whole).items():
-            kind = np.int64 if name in whole else np.float32
-            tensor = torch.from_numpy(np.asarray(part, dtype=kind)).to(device)
-            setattr(self, name, tensor)
-        self.holds = torch.from_numpy(grasps.holds).to(device)
+        here = frames(data.state, data.objects, data.names, robot)
+        grasps = Grasps.of(data, here)
+        copies: dict[str, list[NDArray[Any]]] = {}
+        self._times = max(TIMES, math.ceil(ROWS / len(data.state)))
+        for n in range(self._times):
+            other = Otherwise.drawn(data, here, grasps, rng)
+            objects = other.objects
+            if n % EXACT:
+                objects = misled(objects, data.names, MISPLACED, MISTURNED, rng)
+            told = data.state, objects, data.names, robot
+            parts = {"x": features(*told)} | _arrays_of(frames(*told))
+            parts |= {f"goals.{k}": part for k, part in vars(other.goals).items()}
+            parts |= {f"held.{k}": part for k, part in vars(other.held).items()}
+            for name, part in parts.items():
+                copies.setdefault(name, []).append(part.astype(np.float32))
+        self._told = {k: tensor(np.concatenate(parts)) for k, parts in copies.items()}
+        self.labels = tensor(data.labels)
+        self._mean, self._scale = (tensor(scale[key]) for key in ("y_mean", "y_scale"))
+        self._chunks = tensor(data.chunks(HORIZON))
+        self._carried, self._left = tensor(grasps.carried(KNOTS)), tensor(grasps.left)
 
     def error(self, net: Any, rows: Any) -> Any:
-        """Error of the chunks of some rows, seen, told and held a little otherwise."""
+        """Error of the chunks of some rows, each told at random in one of the ways."""
         import torch
 
-        told = torch.randint(TOLD, rows.shape, device=rows.device)
+        told = torch.randint(self._times, rows.shape, device=rows.device)
         told = rows + told * len(self.labels)
-        rotations, labels = self.rotations[told], self.labels[self.chunks[rows]]
-        grasps = self.things[rows], self.holds[rows], self.left[rows]
-        shift = Shift.drawn(OTHERWISE, *grasps, rotations)
-        x = self.x[told]
-        x = x + shift.features(rotations, self._names, x.shape[1])
-        x = x + NOISE * torch.randn(x.shape).to(x)
-        said, carried = net(x, self.positions[told] + shift.things, rotations)
-        goals = (labels * self.y_scale + self.y_mean).unflatten(-1, (len(SIDES), -1))
-        moved = shift.labels(goals[..., 3:POSE].unflatten(-1, (2, 3)))
-        moved = torch.nn.functional.pad(moved, (0, goals.shape[-1] - 3)).flatten(2)
-        off = (said - labels - moved / self.y_scale).abs().mean()
-        known = carried.gather(-1, self.carried[rows].flatten(1)[..., None])
+        part = {name: column[told] for name, column in self._told.items()}
+        x = part["x"] + NOISE * torch.randn(part["x"].shape).to(part["x"])
+        said, carried = net(x, part["positions"], part["rotations"])
+        goals, held = (
+            Moves(*(part[f"{name}.{key}"] for key in ("turns", "ways", "centres")))
+            for name in ("goals", "held")
+        )
+        labels = self.labels[self._chunks[rows]].unflatten(-1, (len(SIDES), -1))
+        poses = moved(labels[..., :POSE], goals, held, self._left[rows])
+        labels = torch.cat([poses, labels[..., POSE:]], -1).flatten(2)
+        off = (said - (labels - self._mean) / self._scale).abs().mean()
+        known = carried.gather(-1, self._carried[rows].flatten(1)[..., None])
         return off - KNOWN * known.clamp(min=UNLIKELY).log().mean()
+
+
+def _arrays_of(here: Frames) -> dict[str, NDArray[np.float64]]:
+    return {"positions": here.positions, "rotations": here.rotations}
 
 
 def module(names: tuple[str, ...], scale: Mapping[str, Any]) -> Any:
