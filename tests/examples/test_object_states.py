@@ -159,6 +159,37 @@ def test_grippers_open_late_and_stay_at_what_was_shown() -> None:
     assert switched(0.95, 0.9) == (1.0, 1.0)
 
 
+@pytest.mark.usefixtures("example")
+def test_hands_stay_where_they_are_while_grippers_move_as_demonstrated() -> None:
+    from demonstrations import Grippers, stillness  # pyright: ignore[reportMissingImports]
+
+    labels = np.zeros((20, 20), dtype=np.float32)
+    labels[:, 0] = [*[0.0] * 9, 0.3, 0.3, *[0.5] * 9]  # the left hand's x
+    labels[:, 9] = [*[1.0] * 3, *[0.0] * 7, *[1.0] * 10]  # it closes at 3, goes at 9, opens at 10
+    labels[:, 19] = 1.0
+    assert stillness(labels, np.array([20])) == [[5, 0], [0, 0]]
+    assert stillness(labels, np.array([6, 14])) == [[2, 0], [0, 0]]  # an episode ends at 6
+    tilted = labels.copy()
+    tilted[6:, 3] = 0.05  # an axis
+    assert stillness(tilted, np.array([20])) == [[2, 0], [0, 0]]
+
+    grippers = Grippers([[0.0, 1.0], [0.0, 1.0]], [[2, 1], [0, 0]])
+    chunk = np.zeros((6, 20), dtype=np.float32)
+    chunk[:, 0] = chunk[:, 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+    chunk[:, 9] = chunk[:, 19] = [1.0, 0.0, 0.0, 0.0, 1.0, 1.0]
+    later = np.full((1, 20), 0.7, dtype=np.float32)
+    for label in (*chunk, *later):  # what began in one chunk goes on in the next
+        grippers.switch(label)
+    assert chunk[:, 0] == pytest.approx([0.1, 0.2, 0.2, 0.2, 0.5, 0.5])
+    assert chunk[:, 10] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    assert later[0, [0, 10]] == pytest.approx([0.7, 0.7])
+    grippers = Grippers([[0.0, 1.0], [0.0, 1.0]], [[2, 1], [0, 0]])
+    for label in chunk[:2]:
+        grippers.switch(label)
+    grippers.switch(later[0])
+    assert later[0, 0] == pytest.approx(0.2)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("example", "checkpoint")
 def test_demonstrations_are_cut_at_success_and_at_the_release(exports: Path) -> None:
@@ -240,7 +271,7 @@ def test_nothing_is_played_without_a_checkpoint_of_today(
 
     with pytest.raises(PolicyError, match="no file of a network"):
         network.Network()  # of the folder of an export
-    np.savez(tmp_path / "old.npz", about='{"names": []}')
+    np.savez(tmp_path / "old.npz", about='{"names": [], "close": 0.05}')
     with pytest.raises(PolicyError, match=r"earlier state of this example.* train it again"):
         network.Network(tmp_path / "old.npz")
     monkeypatch.delenv("CHECKPOINT")
@@ -382,20 +413,22 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     env = duobench.make(TASK, cameras=False, object_state=True, action_mode="cartesian")
     played = policy.act(env.reset(seed=0)[0])
     assert played.shape == (30, 16)
-    openings = np.array(policy._openings[0] + policy._openings[1], np.float32)
+    openings = np.concatenate(policy._hands[0]).astype(np.float32)
     assert set(np.unique(played[:, [7, 15]])) <= set(openings)
 
     rows = network._Rows(data, policy._net, "cpu", 0)
     module = network.module(data.names, policy._net).eval()
     module.load_state_dict({k: torch.tensor(v) for k, v in policy._net.items() if "." in k})
+    shown = data.state, data.objects, data.names
+    seen = [features(*shown), *vars(frames(*shown)).values()][:3]
+    seen = [torch.from_numpy(part).float() for part in seen]
     with torch.no_grad():
-        every = slice(len(rows.labels))  # as they were
-        carried = module(rows.x[every], rows.positions[every], rows.rotations[every])[1]
-    copies = rows.x.reshape(network.TOLD, len(data.state), -1).numpy()
-    assert np.allclose(copies[0], features(data.state, data.objects, data.names))
-    assert all(0.0 < np.abs(one - copies[0]).max() < 0.5 for one in copies[1:])
-    known = carried.gather(-1, rows.carried.flatten(1)[..., None])[..., 0]
-    holds = (rows.carried > 1).flatten(1)
+        carried = module(*seen)[1]
+    assert len(rows._told["x"]) >= network.ROWS
+    copies = rows._told["x"].view(-1, *seen[0].shape)
+    assert all(0.01 < (one - seen[0]).abs().max() < 3.0 for one in copies)
+    known = carried.gather(-1, rows._carried.flatten(1)[..., None])[..., 0]
+    holds = (rows._carried > 1).flatten(1)
     told_apart = known[holds].mean() + known[~holds].mean()
     assert told_apart > 1.1  # 1 if it said the same of all
 
@@ -405,7 +438,7 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     said = policy.chunk(features(*first)[0], frames(*first))
     module.carried.bias.data = torch.from_numpy(policy._net["carried.bias"])
     with torch.no_grad():  # NumPy plays what PyTorch trained
-        expected = module(rows.x[:1], rows.positions[:1], rows.rotations[:1])[0].numpy()
+        expected = module(*(part[:1] for part in seen))[0].numpy()
     expected = expected * policy._net["y_scale"] + policy._net["y_mean"]
     assert np.allclose(said, expected[0], atol=1e-4)
 
@@ -437,7 +470,7 @@ def test_a_thing_is_brought_to_the_same_place_however_it_is_held(tmp_path: Path)
         left[:, cube] = 100.0  # the right hand stays empty
         right[:, 1] = 100.0
     about = {"names": names, "columns": [*range(len(names))], "openings": [[0.0, 1.0]] * 2}
-    about |= {"mode": "cartesian", "close": network.CLOSE}
+    about |= {"mode": "cartesian", "close": network.CLOSE, "still": [[0, 0]] * 2}
     arrays = network.arrays(net)
     np.savez(tmp_path / "net.npz", about=json.dumps(about), **scale, **arrays)
     policy = network.Network(tmp_path / "net.npz")
@@ -514,8 +547,8 @@ def test_a_tool_carries_what_its_hand_holds_until_it_lets_go(exports: Path) -> N
 def test_what_is_held_or_lies_otherwise_is_brought_to_where_it_was_shown(exports: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     from demonstrations import Demonstrations, opening_columns  # pyright: ignore[reportMissingImports]
-    from frames import bodies, features, frames  # pyright: ignore[reportMissingImports]
-    from grasps import FADE, NOTHING, Grasps, Shift  # pyright: ignore[reportMissingImports]
+    from frames import bodies, frames  # pyright: ignore[reportMissingImports]
+    from grasps import FADE, NOTHING, Grasps, Moves, Otherwise, moved  # pyright: ignore[reportMissingImports]
 
     data = Demonstrations.load(exports / TASK)
     here = frames(data.state, data.objects, data.names)
@@ -543,34 +576,64 @@ def test_what_is_held_or_lies_otherwise_is_brought_to_where_it_was_shown(exports
         assert (np.linalg.norm(places[gone] - places[row], axis=1) > 0.009).all()
         assert (np.linalg.norm(places[gone - 5] - places[row], axis=1) < 0.009).all()
 
-    rows = np.array([*starts, ends[0] - 1, *both[::10]])
-    things, holds, left, rotations = (
-        torch.from_numpy(part[rows])
-        for part in (grasps.things, grasps.holds, grasps.left, here.rotations)
-    )
-    shift = Shift.drawn(4e-3, things, holds, left, rotations)
-    x = data.names.index("pot_x")
-    objects = data.objects[rows].copy()
-    objects[:, x : x + 3] += shift.things[:, 2 + pot].numpy()
-    assert not shift.things[2].any()  # nothing is left to be done
-    assert np.delete(shift.things[:, 2 + pot].numpy(), 2, axis=0).all()
-    shown, moved = (
-        features(data.state[rows], one, data.names) for one in (data.objects[rows], objects)
-    )
-    told = shift.features(rotations, data.names, shown.shape[1]).numpy()
-    assert np.allclose(moved - shown, told, atol=1e-5)
+    other = Otherwise.drawn(data, here, grasps, np.random.default_rng(0), (0.01, 0.1))
+    there = frames(data.state, other.objects, data.names)
+    is_left = (grasps.things == NOTHING).all(axis=1)
+    assert np.array_equal(other.objects[is_left], data.objects[is_left])
+    assert not np.isclose(other.objects, data.objects).all(axis=1)[~is_left].any()
+    none = Moves.none(len(data.state))
 
-    goals = torch.eye(3)[:2].expand(len(rows), 200, 2, 2, 3).double()  # tools as the table is
-    moved = shift.labels(goals).numpy()
-    away = shift.things[:, 2 + pot].numpy()
-    inside = np.einsum("bsij,bi->bsj", here.rotations[rows, :2], away)
-    goes = np.where(grasps.holds[rows][..., None], -inside, away[:, None])
-    over = np.arange(200)[None, :, None] - grasps.left[rows][:, None]
-    counts, is_over = (over <= 0)[..., None], (over >= FADE)[..., None]
-    counts = counts & (grasps.things[rows] == pot)[:, None, :, None]
-    assert np.allclose(np.where(counts, moved - goes[:, None], 0.0), 0.0, atol=1e-9)
-    assert is_over.any()
-    assert not np.where(is_over, moved, 0.0).any()
+    def told(rows: np.ndarray, goals: Moves, held: Moves, steps: int) -> np.ndarray:
+        chunks = torch.from_numpy(data.labels[data.chunks(steps)[rows]]).double()
+        poses = chunks.unflatten(-1, (2, -1))[..., :9]
+        parts = (
+            Moves(*(torch.from_numpy(part[rows]) for part in vars(one).values()))
+            for one in (goals, held)
+        )
+        return moved(poses, *parts, torch.from_numpy(grasps.left[rows])).numpy()
+
+    everything = np.arange(len(data.state))
+    as_shown = told(everything, none, none, 200)
+    otherwise = told(everything, other.goals, other.held, 200)
+    over = np.arange(200)[None, :, None] - grasps.left[:, None]
+    same = np.isclose(otherwise, as_shown, atol=1e-9).all(axis=-1)
+    assert same[over >= FADE].all()
+    counts = (over <= 0) & (grasps.things == pot)[:, None]
+    assert not same[counts & grasps.holds[:, None]].any()
+
+    def pose(numbers: np.ndarray) -> np.ndarray:
+        x = numbers[3:6] / np.linalg.norm(numbers[3:6])
+        y = numbers[6:9] - numbers[6:9] @ x * x
+        y /= np.linalg.norm(y)
+        return matrix(np.stack([x, y, np.cross(x, y)], axis=-1), numbers[:3])
+
+    def matrix(turn: np.ndarray, place: np.ndarray) -> np.ndarray:
+        whole = np.eye(4)
+        whole[:3, :3], whole[:3, 3] = turn, place
+        return whole
+
+    for side in range(2):
+        for row in both[::20]:
+            tool, shown, now = (
+                matrix(part.rotations[row, k], part.positions[row, k])
+                for part, k in ((here, side), (here, 2 + pot), (there, 2 + pot))
+            )
+            brought = pose(as_shown[row, 0, side]) @ np.linalg.inv(tool) @ shown
+            now_brought = pose(otherwise[row, 0, side]) @ np.linalg.inv(tool) @ now
+            assert np.allclose(brought, now_brought, atol=1e-6)
+        goes = ~grasps.holds[:, side] & (grasps.things[:, side] == pot)
+        for row in np.flatnonzero(goes & (grasps.left[:, side] > 20))[::40]:
+            shown, now = (
+                matrix(part.rotations[row, 2 + pot], part.positions[row, 2 + pot])
+                for part in (here, there)
+            )
+            step = grasps.left[row, side] - 1  # a hand that is far from the pot comes as it came
+            goal, new = pose(as_shown[row, step, side]), pose(otherwise[row, step, side])
+            far = np.linalg.norm((goal - shown)[:3, 3])
+            way = (new - goal)[:3, 3] - (now - shown)[:3, 3]
+            turn = now[:3, :3] @ shown[:3, :3].T
+            share = np.clip(2 - far / 0.1, 0, 1)
+            assert np.allclose(way, share * (turn - np.eye(3)) @ (goal - shown)[:3, 3], atol=1e-6)
 
 
 def learned(
