@@ -123,20 +123,18 @@ def features(
     return np.hstack(seen).astype(np.float32)
 
 
-def columns(names: tuple[str, ...]) -> tuple[list[slice], list[slice]]:
-    """Where features tell places of objects, and where other things are from each thing."""
-    first = len(SIDES)
-    places = [names.index(f"{body}_x") + first for body in bodies(names)]
-    things = len(SIDES) + len(places) + 1
-    first += len(names)
+def columns(names: tuple[str, ...]) -> list[slice]:
+    """Where features tell of each thing where all others are from it."""
+    first = len(SIDES) + len(names)
+    things = len(SIDES) + len(bodies(names)) + 1
     ways = []
     for _ in range(things):
         ways.append(slice(first, first + 3 * (things - 1)))
         first = ways[-1].stop + 6 * len(SIDES)
-    return [slice(place, place + 3) for place in places], ways
+    return ways
 
 
-def misled(
+def with_pose_noise(
     objects: Rows,
     names: tuple[str, ...],
     place: float,

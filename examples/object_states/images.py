@@ -22,7 +22,7 @@ import network
 import numpy as np
 import torch
 from demonstrations import Demonstrations, Rows
-from frames import QUARTERS, bodies, frames, misled
+from frames import QUARTERS, bodies, frames, with_pose_noise
 from numpy.typing import NDArray
 from pictures import Pictures, at_rest, in_play, watch
 from rays import Points, Usual, meet
@@ -36,7 +36,7 @@ from duobench.world.robot.frames import robot_with
 EARLY = 50
 """The n-th row of an episode is drawn with a weight of 1 / (n + `EARLY`): what is seen in the first
 ones decides where hands go, and many later ones look alike."""
-MISPLACED, MISTURNED = 4e-3, 0.06
+MOST_POSE_NOISE = 4e-3, 0.06
 """Largest standard deviations (m, rad) of where objects are told to be, and how turned, to the
 network whose play is rendered; each episode draws its own up to these."""
 SIGHT, USUAL = "sight.", "usual."
@@ -178,20 +178,20 @@ def see(
 ) -> Pictures:
     """Render what there is to learn from; see `watch`, `at_rest` and `in_play`."""
     seen = watch(demos, task, data) + at_rest(task, data, how.layouts)
-    return seen + in_play(_Misled(acts), task, data, how.played)
+    return seen + in_play(_WithNoise(acts), task, data, how.played)
 
 
-class _Misled(network.Network):
+class _WithNoise(network.Network):
     """Acts on object states that are a little wrong, as they are when they are seen."""
 
     def reset(self, instruction: str, seed: int) -> None:
         super().reset(instruction, seed)
         self._rng = np.random.default_rng(seed)
         share = self._rng.random()
-        self._sizes = share * MISPLACED, share * MISTURNED
+        self._noise = [share * size for size in MOST_POSE_NOISE]
 
     def plan(self, state: Rows, objects: Rows) -> Rows:
-        told = misled(objects[None], self.names, *self._sizes, self._rng)[0]
+        told = with_pose_noise(objects[None], self.names, *self._noise, self._rng)[0]
         return super().plan(state, told)
 
 

@@ -31,7 +31,7 @@ from demonstrations import (
     stillness,
     to_actions,
 )
-from frames import Frames, bodies, columns, features, frames, misled
+from frames import Frames, bodies, columns, features, frames, with_pose_noise
 from grasps import Grasps, Moves, Otherwise, moved
 from learning import Training, learn
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ ROWS, TIMES = 400_000, 4
 EXACT = 4
 """Every so many times they are told exactly, and else with noise on object poses: noise on each
 input alone is averaged away over the many inputs that tell of one object."""
-MISPLACED, MISTURNED = 2e-3, 0.02
+POSE_NOISE = 2e-3, 0.02
 """Standard deviations of that noise (m, rad)."""
 CLOSE = 0.05
 """Metres over which is told in close-up where one thing is from another: whether a hand is 2 or
@@ -145,7 +145,7 @@ def _scale(data: Demonstrations) -> dict[str, Any]:
 
 def ways(names: tuple[str, ...]) -> NDArray[np.int64]:
     """Which features are told in close-up too."""
-    return np.concatenate([np.r_[part] for part in columns(names)[1]])
+    return np.concatenate([np.r_[part] for part in columns(names)])
 
 
 def blend() -> Rows:
@@ -177,7 +177,7 @@ class _Rows:
             other = Otherwise.drawn(data, here, grasps, rng)
             objects = other.objects
             if n % EXACT:
-                objects = misled(objects, data.names, MISPLACED, MISTURNED, rng)
+                objects = with_pose_noise(objects, data.names, *POSE_NOISE, rng)
             told = data.state, objects, data.names, robot
             parts = {"x": features(*told)} | _arrays_of(frames(*told))
             parts |= {f"goals.{k}": part for k, part in vars(other.goals).items()}

@@ -490,17 +490,17 @@ def test_a_thing_is_brought_to_the_same_place_however_it_is_held(tmp_path: Path)
 
 
 @pytest.mark.usefixtures("example")
-def test_object_states_are_told_a_little_amiss() -> None:
-    from frames import bodies, frames, misled  # pyright: ignore[reportMissingImports]
+def test_object_poses_have_noise() -> None:
+    from frames import bodies, frames, with_pose_noise  # pyright: ignore[reportMissingImports]
 
     objects = np.repeat(board(1, {}, np.array([1.0, 2.0])), 500, axis=0)
     state = np.zeros((len(objects), 16), np.float32)
-    told = misled(objects, NAMES, 2e-3, 0.02, np.random.default_rng(0))
-    true, amiss = (frames(state, one, NAMES) for one in (objects, told))
+    told = with_pose_noise(objects, NAMES, 2e-3, 0.02, np.random.default_rng(0))
+    true, noisy = (frames(state, one, NAMES) for one in (objects, told))
     places = slice(2, 2 + len(bodies(NAMES)))
-    off = (amiss.positions - true.positions)[:, places]
+    off = (noisy.positions - true.positions)[:, places]
     assert np.allclose(off.std(axis=0), 2e-3, rtol=0.2)
-    turned = true.rotations[:, 2].swapaxes(1, 2) @ amiss.rotations[:, 2]
+    turned = true.rotations[:, 2].swapaxes(1, 2) @ noisy.rotations[:, 2]
     assert np.allclose(turned @ turned.swapaxes(1, 2), np.eye(3), atol=1e-5)
     about = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=1)
     assert np.allclose(about.std(axis=0), 0.02, rtol=0.2)
@@ -544,11 +544,10 @@ def test_a_tool_carries_what_its_hand_holds_until_it_lets_go(exports: Path) -> N
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("example", "checkpoint")
-def test_what_is_held_or_lies_otherwise_is_brought_to_where_it_was_shown(exports: Path) -> None:
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+def test_grasps_are_what_hands_hold_and_what_they_go_for(exports: Path) -> None:
     from demonstrations import Demonstrations, opening_columns  # pyright: ignore[reportMissingImports]
     from frames import bodies, frames  # pyright: ignore[reportMissingImports]
-    from grasps import FADE, NOTHING, Grasps, Moves, Otherwise, moved  # pyright: ignore[reportMissingImports]
+    from grasps import NOTHING, Grasps  # pyright: ignore[reportMissingImports]
 
     data = Demonstrations.load(exports / TASK)
     here = frames(data.state, data.objects, data.names)
@@ -576,6 +575,27 @@ def test_what_is_held_or_lies_otherwise_is_brought_to_where_it_was_shown(exports
         assert (np.linalg.norm(places[gone] - places[row], axis=1) > 0.009).all()
         assert (np.linalg.norm(places[gone - 5] - places[row], axis=1) < 0.009).all()
 
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
+def test_what_is_held_or_lies_otherwise_is_brought_to_where_it_was_shown(exports: Path) -> None:
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from frames import bodies, frames  # pyright: ignore[reportMissingImports]
+    from grasps import (  # pyright: ignore[reportMissingImports]
+        FADE,
+        NOTHING,
+        Grasps,
+        Moves,
+        Otherwise,
+        moved,
+    )
+
+    data = Demonstrations.load(exports / TASK)
+    here = frames(data.state, data.objects, data.names)
+    grasps = Grasps.of(data, here)
+    pot = bodies(data.names).index("pot")
+    both = np.flatnonzero(grasps.holds.all(axis=1))
     other = Otherwise.drawn(data, here, grasps, np.random.default_rng(0), (0.01, 0.1))
     there = frames(data.state, other.objects, data.names)
     is_left = (grasps.things == NOTHING).all(axis=1)
@@ -1015,10 +1035,10 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
     how = images.Training(layouts=4, played=2)
     now = data.state[0], data.objects[0]
     told = []
-    for policy in (network.Network(acts), images._Misled(acts), images._Misled(acts)):
+    for policy in (network.Network(acts), images._WithNoise(acts), images._WithNoise(acts)):
         policy.reset("", 0)
         told.append(policy.plan(*now))
-    assert np.abs(told[1] - told[0]).max() > 1e-4  # it is misled, and alike every time
+    assert np.abs(told[1] - told[0]).max() > 1e-4  # it has noise, alike every time
     assert np.array_equal(told[1], told[2])
     other = replace(data, state=data.state + 0.1)
     with pytest.raises(DataError, match=r"Episode 0 of .* is not that of the export"):
