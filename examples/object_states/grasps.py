@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 from duobench.core.types import SIDES
 
 REACH = 0.2
-"""Metres from a tool to the origin of what it may hold: a pot is held by its handles."""
+"""Metres from a tool to the origin of what it may hold: a pot is held by its handles. So near, a
+hand that goes for a thing that lies otherwise is turned with it; twice as far, it comes as it came.
+"""
 SOON = 5
 """Rows over which what is held stays where it is in the hand."""
 SLIP = 2e-3
@@ -32,9 +34,6 @@ MOVED = 0.01
 MOVED_BY, TURNED_BY = 0.01, 0.1
 """Standard deviations (m along each axis, rad about each) of how things lie or are held otherwise.
 """
-AROUND = 0.1
-"""Metres from the origin of a thing within which a hand that goes for it is turned with it: beyond
-twice as far it comes as it came."""
 FADE = 15
 """Steps after which goals are as demonstrated again, once a thing was let go or has moved."""
 NOTHING = -1
@@ -235,7 +234,7 @@ def moved(poses: Any, goals: Moves, held: Moves, left: Any) -> Any:
     same = torch.eye(3, device=poses.device)
     more = (goals.turns - same)[:, None]
     away = places - goals.centres[:, None]
-    near = (2 - away.norm(dim=-1, keepdim=True) / AROUND).clamp(0, 1)
+    near = (2 - away.norm(dim=-1, keepdim=True) / REACH).clamp(0, 1)
     ways = goals.ways[:, None] + near * (more @ away[..., None])[..., 0]
     turned = near[..., None] * (axes @ more.mT)
     x, y = functional.normalize(axes, dim=-1).unbind(-2)

@@ -652,7 +652,7 @@ def test_what_is_held_or_lies_otherwise_is_brought_to_where_it_was_shown(exports
             far = np.linalg.norm((goal - shown)[:3, 3])
             way = (new - goal)[:3, 3] - (now - shown)[:3, 3]
             turn = now[:3, :3] @ shown[:3, :3].T
-            share = np.clip(2 - far / 0.1, 0, 1)
+            share = np.clip(2 - far / 0.2, 0, 1)
             assert np.allclose(way, share * (turn - np.eye(3)) @ (goal - shown)[:3, 3], atol=1e-6)
 
 
