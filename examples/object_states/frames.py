@@ -81,6 +81,12 @@ def bodies(names: tuple[str, ...]) -> list[str]:
     ]
 
 
+def places_in(names: tuple[str, ...]) -> list[slice]:
+    """Where the places of objects stand."""
+    first = [names.index(f"{body}_x") for body in bodies(names)]
+    return [slice(x, x + 3) for x in first]
+
+
 def features(
     state: Rows, objects: Rows, names: tuple[str, ...], robot: Robot = ROBOT
 ) -> Rows:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,11 +22,12 @@ import network
 import numpy as np
 import torch
 from demonstrations import Demonstrations, Rows
-from frames import QUARTERS, bodies, frames, with_pose_noise
+from frames import QUARTERS, bodies, frames, places_in, with_pose_noise
 from numpy.typing import NDArray
 from pictures import Pictures, at_rest, in_play, watch
 from rays import Points, Usual, meet
-from sight import SIZES, Sight, places_of_cameras
+from sight import WINDOW, Sight, places_of_cameras, rendered_sizes, whole
+from windows import Windows
 
 from duobench.core.errors import DataError, DuoBenchError, PolicyError
 from duobench.core.types import SIDES
@@ -39,6 +40,8 @@ ones decides where hands go, and many later ones look alike."""
 MOST_POSE_NOISE = 4e-3, 0.06
 """Largest standard deviations (m, rad) of where objects are told to be, and how turned, to the
 network whose play is rendered; each episode draws its own up to these."""
+LOOKS = 2
+"""How often it looks closer at what it has found."""
 SIGHT, USUAL = "sight.", "usual."
 """What names of its arrays begin with in the file of a network."""
 Array = NDArray[np.float64]
@@ -49,6 +52,8 @@ class Training:
     """How long it learns to see, and from what beside demonstrations."""
 
     batch: int = 32
+    closer: int = 64
+    """Rows of which windows are seen in a step."""
     rate: float = 2e-3
     passes: int = 5
     """Over all images; the rate falls to zero over them."""
@@ -126,12 +131,6 @@ def recognized(seen: Rows, names: tuple[str, ...]) -> Rows:
         objects[:, x] = np.choose(turn, (ahead.T, aside.T, -ahead.T, -aside.T)).T
         objects[:, z] = up
     return objects
-
-
-def places_in(names: tuple[str, ...]) -> list[slice]:
-    """Where the places of objects stand."""
-    first = [names.index(f"{body}_x") for body in bodies(names)]
-    return [slice(x, x + 3) for x in first]
 
 
 def _axes(names: tuple[str, ...]) -> list[tuple[int, slice, slice]]:
@@ -234,7 +233,7 @@ def train(
         for group in adam.param_groups:
             left = 1 - k / steps
             group["lr"] = how.rate * min(1.0, (k + 1) / how.warm_up) * left
-        losses = rows.losses(net, rows.drawn(how.batch))
+        losses = rows.losses(net, rows.drawn(how.batch), rows.drawn(how.closer))
         adam.zero_grad()
         torch.stack(list(losses.values())).sum().backward()
         adam.step()
@@ -287,7 +286,9 @@ class _Rows:
         found = (torch.from_numpy(one[rows]) for one in self._pictures.images)
         return [one.permute(0, 3, 1, 2).to(self._device) for one in found]
 
-    def losses(self, net: Sight, rows: NDArray[np.int64]) -> dict[str, torch.Tensor]:
+    def losses(
+        self, net: Sight, rows: NDArray[np.int64], closer: NDArray[np.int64]
+    ) -> dict[str, torch.Tensor]:
         """Errors of some rows by kind: how surprising pixels are, and in standard deviations."""
         kinds, images = self.kinds, self.images(rows)
         cameras, points, seen = (
@@ -301,6 +302,7 @@ class _Rows:
             for eye, view, seen_at in zip(net.eyes, views, there, strict=True)
         ]
         losses = {"pixels": torch.stack(wrong).mean()}
+        losses["windows"] = self._in_windows(net, closer)
         label = (seen - net.o_mean) / net.o_scale
         off = (found - label).abs()
         if kinds.axes:
@@ -314,6 +316,26 @@ class _Rows:
             losses["read"] = (read - label[:, net.read_there]).abs().mean()
         return losses
 
+    def _in_windows(self, net: Sight, rows: NDArray[np.int64]) -> torch.Tensor:
+        """How surprising pixels are in windows of some rows."""
+        there = net.pixels(self._points[rows], self._cameras[rows])
+        windows, images = self.windows(rows)
+        inside = windows.inside(torch.stack([at for at, _ in there], 1), net.things)
+        within = ((inside > 0) & (inside < WINDOW - 1)).all(-1)
+        lost = torch.zeros((), device=images.device)
+        for k, (eye, view) in enumerate(zip(net.near, net.closer(images), strict=True)):
+            own = net.things == k
+            seen_at = inside[:, :, own].flatten(0, 1), within[:, :, own].flatten(0, 1)
+            wrong = eye.surprise(view.maps, *seen_at) * self._shares[own]
+            lost = lost + wrong.sum(1).mean()
+        return lost
+
+    def windows(self, rows: NDArray[np.int64]) -> tuple[Windows, torch.Tensor]:
+        """Where windows of some rows are, and what is in them."""
+        told = torch.from_numpy(self._pictures.told[rows])
+        windows = Windows.around(told, self._cameras[rows])
+        return windows, torch.from_numpy(self._pictures.near[rows]).to(self._device)
+
     def told(self, sees: Images) -> dict[str, Any]:
         """How well is seen what is not learned from.
 
@@ -324,8 +346,14 @@ class _Rows:
         """
         held, true = self._held, self._pictures.objects[self._held]
         parts = np.array_split(held, math.ceil(len(held) / 64))
-        state = self._pictures.state
-        found = [sees.look(self.images(rows), state[rows]) for rows in parts]
+        found = [
+            sees.found(
+                self.images(rows),
+                self._pictures.state[rows],
+                lambda _, rows=rows: self.windows(rows),
+            )
+            for rows in parts
+        ]
         found = np.concatenate(found)
         first = self._pictures.before[held] == 0
         mean = self.scale["o_mean"]
@@ -379,7 +407,7 @@ class Images(network.Network):
             self.metadata,
             name="frames of things, from images",
             cameras=POLICY_CAMERAS,
-            image_sizes=SIZES,
+            image_sizes=rendered_sizes(),
             object_state=False,
         )
 
@@ -398,15 +426,47 @@ class Images(network.Network):
         return self.plan(observation["agent_pos"], objects)
 
     def look(self, images: Sequence[torch.Tensor], state: Rows) -> Rows:
-        """Object states (B, n) as they are seen; what the layout chose is not yet whole."""
+        """Object states (B, n) as they are seen; what the layout chose is not yet whole.
+
+        Args:
+            images: Of each camera, as rendered (B, 3, height, width).
+            state: Joints and openings (B, 16).
+        """
+        cameras = torch.from_numpy(places_of_cameras(state, self._robot))
+
+        def closer(places: Array) -> tuple[Windows, torch.Tensor]:
+            windows = Windows.around(torch.from_numpy(places).float(), cameras)
+            return windows, windows.cut(images)
+
+        return self.found([whole(image) for image in images], state, closer)
+
+    def found(
+        self,
+        images: Sequence[torch.Tensor],
+        state: Rows,
+        closer: Callable[[Array], tuple[Windows, torch.Tensor]],
+    ) -> Rows:
+        """Object states (B, n) that are found in images of `SIZES`.
+
+        Args:
+            images: Of each camera (B, 3, height, width).
+            state: Joints and openings (B, 16).
+            closer: Windows around places (B, K, 3), and what is in them.
+        """
         sight = self._sight
         cameras = places_of_cameras(state, self._robot)
         with torch.no_grad():
             found, views = sight(images)
             seen = (found * sight.o_scale + sight.o_mean).numpy()
-            rays = sight.rays(views, cameras)
+            far = [one.pixels for one in views], [one.spread + 1 for one in views]
+            rays = sight.rays(*far, cameras)
             turns = rotations(seen, self.names)
             places, turns = meet(rays, sight.points, self._usual, turns)
+            for _ in range(LOOKS):
+                near = self._closer(*closer(places))
+                both = [a + b for a, b in zip(far, near, strict=True)]
+                rays = sight.rays(*both, np.concatenate([cameras, cameras], 1))
+                places, turns = meet(rays, sight.points, self._usual, turns)
             for place, part in zip(places.swapaxes(0, 1), self._places, strict=True):
                 seen[:, part] = place
             for k, x, z in _axes(self.names):
@@ -419,6 +479,17 @@ class Images(network.Network):
                 read = read * sight.o_scale[columns] + sight.o_mean[columns]
                 seen[:, columns] = read.numpy()
         return recognized(seen, self.names)
+
+    def _closer(
+        self, windows: Windows, images: torch.Tensor
+    ) -> tuple[list[torch.Tensor], list[torch.Tensor]]:
+        """Pixels of points in windows for each camera, and how far they are spread, in images."""
+        seen, things = self._sight.closer(images), self._sight.things
+        shape = windows.scale.shape[:2]
+        inside = torch.cat([one.pixels.unflatten(0, shape) for one in seen], 2)
+        spread = torch.cat([one.spread.unflatten(0, shape) for one in seen], 2)
+        spread = (spread + 1) * windows.scale[:, :, things].square()
+        return list(windows.outside(inside, things).unbind(1)), list(spread.unbind(1))
 
 
 if __name__ == "__main__":

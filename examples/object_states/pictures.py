@@ -1,28 +1,36 @@
 """Images to learn to see from: of demonstrations, of layouts at rest, and of a policy's own play.
 
-What is to be seen in them is known: the simulation says it.
+What is to be seen in them is known: the simulation says it. Kept are whole images in half of the
+size that they are rendered in, and windows around objects in that size.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
+import torch
 from demonstrations import Demonstrations, Rows
+from frames import places_in
 from numpy.typing import NDArray
 from own_play import LEARNED
-from sight import SIZES
+from sight import SIZES, WINDOW, places_of_cameras, rendered_sizes, whole
+from windows import Windows
 
 import duobench
 from duobench.core.errors import DataError
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.core.types import SIDES, DuoCommand
 from duobench.data import DataSet, ImageSource
+from duobench.envs.execution import Step
+from duobench.evaluation import Watcher, rollout
 from duobench.policy import Policy
 from duobench.results.run import needed_options
+from duobench.world.robot.frames import robot_with
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.simulation import Simulation
 
@@ -32,6 +40,9 @@ HELD_OUT = 10
 """Every n-th episode and layout is not learned from, and tells how well is seen."""
 MOVED = 10
 """Rows before one of a layout at rest under arms that are elsewhere, as they are counted."""
+NEARLY = 0.02
+"""Largest standard deviation (m) of where objects are told to be as windows are cut around them;
+each image draws its own up to it."""
 Pixels = NDArray[np.uint8]
 
 
@@ -49,6 +60,10 @@ class Pictures:
     """Rows (T,) of its episode before each."""
     held: NDArray[np.bool_]
     """Which (T,) are not learned from."""
+    told: NDArray[np.float32]
+    """About where objects are (T, K, 3)."""
+    near: Pixels
+    """Windows around there (T, cameras, K, 3, height, width)."""
 
     def __add__(self, other: Pictures) -> Pictures:
         """Those of the other one behind these."""
@@ -59,7 +74,65 @@ class Pictures:
             np.concatenate([self.objects, other.objects]),
             np.concatenate([self.before, other.before]),
             np.concatenate([self.held, other.held]),
+            np.concatenate([self.told, other.told]),
+            np.concatenate([self.near, other.near]),
         )
+
+
+class _Album:
+    """Renders what simulations show, one after the other."""
+
+    def __init__(self, data: Demonstrations, most: int) -> None:
+        self._where = places_in(data.names)
+        self._robot = robot_with(data.gripper)
+        self._rng = np.random.default_rng(most)
+        self._backend: SimBackend | None = None
+        windows = (len(SIZES), len(self._where), 3, WINDOW, WINDOW)
+        self._images = [np.empty((most, *size, 3), np.uint8) for size in SIZES.values()]
+        self._near = np.empty((most, *windows), np.uint8)
+        self._rows: list[tuple[Any, ...]] = []
+
+    def add(
+        self,
+        simulation: Simulation,
+        state: Rows,
+        objects: Rows,
+        before: int,
+        episode: int,
+    ) -> None:
+        """Render what a simulation, the same each time, shows now.
+
+        Args:
+            simulation: The simulation.
+            state: Joints and openings (16,).
+            objects: The object state (n,).
+            before: Rows of its episode before it.
+            episode: The number of that: every tenth one is held out.
+        """
+        self._backend = self._backend or SimBackend(simulation)
+        there = np.stack([objects[part] for part in self._where])
+        spread = NEARLY * self._rng.random()
+        told = there + spread * self._rng.normal(size=there.shape)
+        told = told.astype(np.float32)
+        rgb = self._backend.images_by_kind({"rgb": rendered_sizes()})["rgb"]
+        seen = [torch.from_numpy(rgb[name].transpose(2, 0, 1))[None] for name in SIZES]
+        cameras = torch.from_numpy(places_of_cameras(state[None], self._robot))
+        windows = Windows.around(torch.from_numpy(told)[None], cameras)
+        place = len(self._rows)
+        self._near[place] = windows.cut(seen)[0].round().byte().numpy()
+        for one, images in zip(seen, self._images, strict=True):
+            images[place] = whole(one)[0].permute(1, 2, 0).numpy()
+        is_held = episode % HELD_OUT == HELD_OUT - 1
+        self._rows.append((state, objects, before, is_held, told))
+
+    def pictures(self) -> Pictures:
+        """What was rendered."""
+        if self._backend:
+            self._backend.close()
+        count = len(self._rows)
+        rows = (np.array(column) for column in zip(*self._rows, strict=True))
+        images = [one[:count] for one in self._images]
+        return Pictures(images, *rows, self._near[:count])
 
 
 def watch(demos: Path, task: str, data: Demonstrations) -> Pictures:
@@ -73,35 +146,32 @@ def watch(demos: Path, task: str, data: Demonstrations) -> Pictures:
     Raises:
         DataError: The recordings are others.
     """
-    before = np.concatenate([np.arange(length) for length in data.lengths])
     number = np.repeat(np.arange(len(data.lengths)), data.lengths)
-    kept = np.flatnonzero(before % EVERY == 0)
     recordings = DataSet.open(demos, create=False).recordings(task)
     source = ImageSource(task)
-
-    def shown() -> Iterator[Simulation]:
-        for episode in range(len(data.lengths)):
-            recording, rows = next(recordings, None), number == episode
-            recorded, state = data.recorded[rows], data.state[rows]
-            if (
-                recording is None
-                or len(recording) <= recorded.max()
-                or not np.allclose(recording.agent_pos[recorded], state, atol=1e-5)
-            ):
-                raise DataError(
-                    f"Episode {episode} of {task} in {demos} is not that of the export."
-                )
-            for row in recorded[::EVERY].tolist():
-                source.show(recording, row)
-                yield source.simulation
-            if episode % 20 == 0:
-                text = f"{episode + 1} of {len(data.lengths)} episodes rendered"
-                print(f"{task}: {text}", flush=True)
-
-    images = _rendered(shown, len(kept))
+    album = _Album(data, sum(len(range(0, n, EVERY)) for n in data.lengths))
+    for episode in range(len(data.lengths)):
+        recording, rows = next(recordings, None), number == episode
+        recorded, state, objects = (
+            part[rows] for part in (data.recorded, data.state, data.objects)
+        )
+        if (
+            recording is None
+            or len(recording) <= recorded.max()
+            or not np.allclose(recording.agent_pos[recorded], state, atol=1e-5)
+        ):
+            raise DataError(
+                f"Episode {episode} of {task} in {demos} is not that of the export."
+            )
+        for row in range(0, len(recorded), EVERY):
+            source.show(recording, int(recorded[row]))
+            album.add(source.simulation, state[row], objects[row], row, episode)
+        if episode % 20 == 0:
+            text = f"{episode + 1} of {len(data.lengths)} episodes rendered"
+            print(f"{task}: {text}", flush=True)
+    pictures = album.pictures()
     source.close()
-    held = number[kept] % HELD_OUT == HELD_OUT - 1
-    return Pictures(images, data.state[kept], data.objects[kept], before[kept], held)
+    return pictures
 
 
 def at_rest(task: str, data: Demonstrations, count: int) -> Pictures:
@@ -114,29 +184,22 @@ def at_rest(task: str, data: Demonstrations, count: int) -> Pictures:
         task, cameras=False, object_state=True, split=TRAIN, gripper=data.gripper
     )
     simulation = env.get_wrapper_attr("simulation")
-    states, objects = [], []
+    album = _Album(data, count)
     rows = np.random.default_rng(0).integers(len(data.state), size=count)
-
-    def shown() -> Iterator[Simulation]:
-        for n in range(count):
-            seen, _ = env.reset(seed=episode_seed(task, LEARNED + n, TRAIN))
-            state = seen["agent_pos"]
-            if n % 2:
-                arms = data.state[rows[n]].reshape(len(SIDES), -1).copy()
-                arms[:, -1] = 1.0
-                state = arms.reshape(-1)
-                simulation.duo.set_configuration(DuoCommand.from_flat(state))
-                simulation.forward()
-            states.append(state)
-            objects.append(seen["environment_state"][list(data.columns)])
-            yield simulation
-
-    images = _rendered(shown, count)
+    for n in range(count):
+        seen, _ = env.reset(seed=episode_seed(task, LEARNED + n, TRAIN))
+        state, before = seen["agent_pos"], 0
+        objects = seen["environment_state"][list(data.columns)]
+        if n % 2:
+            arms = data.state[rows[n]].reshape(len(SIDES), -1).copy()
+            arms[:, -1] = 1.0
+            state, before = arms.reshape(-1), MOVED
+            simulation.duo.set_configuration(DuoCommand.from_flat(state))
+            simulation.forward()
+        album.add(simulation, state, objects, before, n // 2)
+    pictures = album.pictures()
     env.close()
-    number = np.arange(count)
-    held = number // 2 % HELD_OUT == HELD_OUT - 1
-    before = np.where(number % 2, MOVED, 0)
-    return Pictures(images, np.array(states), np.array(objects), before, held)
+    return pictures
 
 
 def in_play(policy: Policy, task: str, data: Demonstrations, episodes: int) -> Pictures:
@@ -144,49 +207,46 @@ def in_play(policy: Policy, task: str, data: Demonstrations, episodes: int) -> P
 
     What it drops, and holds otherwise than shown, is seen nowhere else.
     """
-    options = needed_options(policy.metadata)
-    env = duobench.make(task, split=TRAIN, **options)
-    simulation = env.get_wrapper_attr("simulation")
-    states, objects, before, number = [], [], [], []
-
-    def shown() -> Iterator[Simulation]:
-        for n in range(episodes):
-            seen, _ = env.reset(seed=episode_seed(task, LEARNED + n, TRAIN))
-            policy.reset("", n)
-            steps, is_over, actions = 0, False, iter(())
-            while not is_over:
-                if steps % EVERY == 0:
-                    states.append(seen["agent_pos"])
-                    objects.append(seen["environment_state"][list(data.columns)])
-                    before.append(steps)
-                    number.append(n)
-                    yield simulation
-                action = next(actions, None)
-                if action is None:
-                    actions = iter(policy.act(seen))
-                    action = next(actions)
-                seen, _, ends, is_cut, _ = env.step(action)
-                steps, is_over = steps + 1, ends or is_cut
-            if n % 20 == 0:
-                print(f"{task}: {n + 1} of {episodes} episodes played", flush=True)
-
-    limit = env.get_wrapper_attr("definition").horizon
-    images = _rendered(shown, episodes * math.ceil(limit / EVERY))
+    env = duobench.make(task, split=TRAIN, **needed_options(policy.metadata))
+    steps = -(-env.get_wrapper_attr("definition").horizon // EVERY)
+    album = _Album(data, episodes * steps)
+    watcher = _Renders(album, env, data)
+    for n in range(episodes):
+        seed = episode_seed(task, LEARNED + n, TRAIN)
+        watcher.episode = n
+        rollout(env, policy, seed=seed, hashed=n, watchers=[watcher])
+        if n % 20 == 0:
+            print(f"{task}: {n + 1} of {episodes} episodes played", flush=True)
+    pictures = album.pictures()
     env.close()
-    held = np.array(number) % HELD_OUT == HELD_OUT - 1
-    return Pictures(images, np.array(states), np.array(objects), np.array(before), held)
+    return pictures
 
 
-def _rendered(shown: Callable[[], Iterator[Simulation]], most: int) -> list[Pixels]:
-    """Images of each camera of what one simulation shows, one after the other."""
-    images = [np.empty((most, *size, 3), np.uint8) for size in SIZES.values()]
-    backend, count = None, 0
-    for place, simulation in enumerate(shown()):
-        backend = backend or SimBackend(simulation)
-        seen = backend.images_by_kind({"rgb": dict(SIZES)})["rgb"]
-        for camera, image in zip(SIZES, images, strict=True):
-            image[place] = seen[camera]
-        count = place + 1
-    if backend:
-        backend.close()
-    return [image[:count] for image in images]
+class _Renders(Watcher):
+    """Renders every sixth step of episodes."""
+
+    def __init__(self, album: _Album, env: gym.Env, data: Demonstrations) -> None:
+        self._album = album
+        self._simulation = env.get_wrapper_attr("simulation")
+        self._columns = list(data.columns)
+        self.episode = 0
+
+    def on_episode_start(
+        self,
+        env: gym.Env,  # noqa: ARG002
+        observation: Mapping[str, Any],
+        info: Mapping[str, Any],  # noqa: ARG002
+    ) -> None:
+        """Render the layout."""
+        self._add(observation, 0)
+
+    def on_step(self, step: Step) -> None:
+        """Render it, or not."""
+        if step.number % EVERY == 0 and not step.is_last:
+            self._add(step.observation, step.number)
+
+    def _add(self, observation: Mapping[str, Any], number: int) -> None:
+        objects = observation["environment_state"][self._columns]
+        self._album.add(
+            self._simulation, observation["agent_pos"], objects, number, self.episode
+        )

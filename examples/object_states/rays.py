@@ -15,7 +15,7 @@ from frames import bodies, cross_matrices, rotations_by
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-ARM = 0.1
+ARM = 0.06
 """Metres from the origin of an object along its axes to its other points."""
 TURN = 0.3
 """Standard deviation of a rotation that was guessed without rays (rad)."""

@@ -30,15 +30,40 @@ from duobench.world.robot.frames import Robot
 SIZES = {
     camera: (224, 224) if camera == HEAD else (112, 112) for camera in POLICY_CAMERAS
 }
-"""Height and width of images: those on the wrists are nearer to what they see."""
+"""Height and width of images, as pixels are counted: those on the wrists are nearer to what they
+see."""
 STRIDE, CHANNELS, WIDTH = 4, 32, 256
 """Pixels from a cell to the next one, numbers that are told of each, and of hidden layers."""
 PATCH, SIDE = 40, 0.2
 """Pixels and metres along a side of a patch on an object."""
+FINE = 2
+"""How many pixels along a side of an image, as it is rendered, are one of those `SIZES`."""
+FIRST = 2
+"""How many of these along a side are one for a first look, at whole images."""
+WINDOW = 64
+"""Pixels along a side of the window around an object in which it looks closer (`windows.py`)."""
 NEAR = 0.05
 """Metres in front of a camera, where it begins to see."""
 MARGIN = 2.0
 """Pixels from the border of an image to an object that is seen in it."""
+
+
+def rendered_sizes() -> dict[str, tuple[int, int]]:
+    """Height and width of images as they are rendered."""
+    return {
+        name: (FINE * height, FINE * width) for name, (height, width) in SIZES.items()
+    }
+
+
+def whole(images: torch.Tensor) -> torch.Tensor:
+    """Images (B, 3, height, width) of `SIZES`, of rendered ones."""
+    return functional.avg_pool2d(images.float(), FINE).round().byte()
+
+
+def lenses() -> torch.Tensor:
+    """Matrices of the lenses of all cameras (cameras, 3, 3)."""
+    found = [matrix_of(CAMERAS[name], size) for name, size in SIZES.items()]
+    return torch.from_numpy(np.array(found)).float()
 
 
 def places_of_cameras(state: NDArray[Any], robot: Robot) -> NDArray[np.float32]:
@@ -69,9 +94,15 @@ class Seen:
 
 
 class Eye(nn.Module):
-    """Where one camera sees each point."""
+    """Where one camera sees each point.
 
-    def __init__(self, size: tuple[int, int], points: int) -> None:
+    Args:
+        size: Height and width of its images, in pixels.
+        points: How many points.
+        shrink: How many pixels along a side are one to it.
+    """
+
+    def __init__(self, size: tuple[int, int], points: int, shrink: int = 1) -> None:
         super().__init__()
         self.layers = nn.Sequential(
             nn.Conv2d(3, CHANNELS, 2 * STRIDE, STRIDE, padding=STRIDE // 2),
@@ -84,23 +115,29 @@ class Eye(nn.Module):
             nn.ReLU(),
         )
         self.maps = nn.Conv2d(CHANNELS, points, 3, padding=1)
-        down, across = ((torch.arange(n // STRIDE) + 0.5) * STRIDE - 0.5 for n in size)
+        self._shrink, self._cell = shrink, STRIDE * shrink
+        down, across = (
+            (torch.arange(n // self._cell) + 0.5) * self._cell - 0.5 for n in size
+        )
         grid = torch.stack(torch.meshgrid(across, down, indexing="xy"), -1).view(-1, 2)
         self.register_buffer("grid", grid, persistent=False)
         self._size = size
 
     def forward(self, images: torch.Tensor) -> Seen:
         """What is seen in images (B, 3, height, width) of 0 to 255."""
+        images = images.float()
+        if self._shrink > 1:
+            images = functional.avg_pool2d(images, self._shrink)
         how = {"dtype": torch.bfloat16, "enabled": self.training}  # twice as fast
         with torch.autocast(images.device.type, **how):
-            cells = self.layers(images.float() / 127.5 - 1)
+            cells = self.layers(images / 127.5 - 1)
             maps = self.maps(cells)
         maps = maps.float().flatten(2).log_softmax(-1)
         shares = maps.detach().exp()  # taught by pixels alone
         pixels = shares @ self.grid
         spread = shares @ self.grid.square().sum(-1) - pixels.square().sum(-1)
         spread = (
-            spread - STRIDE**2 / 3
+            spread - self._cell**2 / 3
         ).relu()  # that much a pixel between cells is spread
         sharp = shares.amax(-1, keepdim=True)
         around = pixels / max(self._size) - 0.5
@@ -115,9 +152,9 @@ class Eye(nn.Module):
         A pixel is shared by the four cells around it, so that the mean of the map is the pixel;
         what is not within the image is anywhere.
         """
-        columns = self._size[1] // STRIDE
-        most = torch.tensor([n // STRIDE - 1.001 for n in self._size[::-1]])
-        cell = ((pixels + 0.5) / STRIDE - 0.5).clamp(min=0).minimum(most.to(pixels))
+        columns = self._size[1] // self._cell
+        most = torch.tensor([n // self._cell - 1.001 for n in self._size[::-1]])
+        cell = ((pixels + 0.5) / self._cell - 0.5).clamp(min=0).minimum(most.to(pixels))
         low = cell.floor()
         right, below = (cell - low).unbind(-1)
         first = (low[..., 1] * columns + low[..., 0]).long()
@@ -152,7 +189,10 @@ class Sight(nn.Module):
         self.read_there = [*chosen, *quarters] if chosen else []
         patches = sum(name.endswith("_x_axis_x") for name in names)
         count = len(self.points.things)
-        self.eyes = nn.ModuleList(Eye(size, count) for size in SIZES.values())
+        self.eyes = nn.ModuleList(Eye(size, count, FIRST) for size in SIZES.values())
+        each = np.bincount(self.points.things)
+        self.near = nn.ModuleList(Eye((WINDOW, WINDOW), n) for n in each.tolist())
+        self.things = torch.from_numpy(self.points.things)
         self.find = nn.Sequential(
             nn.Linear(len(SIZES) * len(origins) * (CHANNELS + 3), WIDTH),
             nn.GELU(),
@@ -174,11 +214,7 @@ class Sight(nn.Module):
         )
         for key in ("o_mean", "o_scale"):
             self.register_buffer(key, torch.from_numpy(scale[key]).float())
-        lenses = np.array(
-            [matrix_of(CAMERAS[name], size) for name, size in SIZES.items()]
-        )
-        lenses = torch.from_numpy(lenses).float()
-        self.register_buffer("lenses", lenses, persistent=False)
+        self.register_buffer("lenses", lenses(), persistent=False)
         line = (torch.arange(PATCH) + 0.5) / PATCH * SIDE - SIDE / 2
         patch = torch.stack(torch.meshgrid(line, line, indexing="xy"), -1).view(-1, 2)
         patch = functional.pad(patch, (0, 1))
@@ -196,17 +232,32 @@ class Sight(nn.Module):
         told = [one.what[:, self.origins].flatten(1) for one in seen]
         return self.find(torch.cat(told, 1)), seen
 
-    def rays(self, seen: Sequence[Seen], cameras: NDArray[np.float32]) -> Rays:
-        """Rays to what cameras see that are somewhere (B, cameras, 4, 4)."""
+    def closer(self, images: torch.Tensor) -> list[Seen]:
+        """What is seen of each object in windows (B, cameras, K, 3, WINDOW, WINDOW)."""
+        return [eye(images[:, :, k].flatten(0, 1)) for k, eye in enumerate(self.near)]
+
+    def rays(
+        self,
+        pixels: Sequence[torch.Tensor],
+        spread: Sequence[torch.Tensor],
+        cameras: NDArray[np.float32],
+    ) -> Rays:
+        """Rays to what cameras see.
+
+        Args:
+            pixels: Of each look of a camera (B, points, 2); cameras take turns.
+            spread: How far these are spread (B, points), in square pixels.
+            cameras: Where the camera of each look is (B, looks, 4, 4).
+        """
         ways, sharpness = [], []
-        for nth, one in enumerate(seen):
-            lens = self.lenses[nth].double().numpy()
+        for nth, (there, wide) in enumerate(zip(pixels, spread, strict=True)):
+            lens = self.lenses[nth % len(SIZES)].double().numpy()
             turned = cameras[:, nth, :3, :3] @ np.linalg.inv(lens)
-            pixels = functional.pad(one.pixels, (0, 1), value=1.0).double().numpy()
-            way = pixels @ turned.swapaxes(1, 2)
+            flat = functional.pad(there, (0, 1), value=1.0).double().numpy()
+            way = flat @ turned.swapaxes(1, 2)
             ways.append(way / np.linalg.norm(way, axis=-1, keepdims=True))
             focal = math.sqrt(lens[0, 0] * lens[1, 1])
-            sharpness.append(focal / np.sqrt(one.spread.double().numpy() + 1))
+            sharpness.append(focal / np.sqrt(wide.double().numpy()))
         places = cameras[..., :3, 3].astype(np.float64)
         return Rays(places, np.stack(ways, 1), np.stack(sharpness, 1))
 
