@@ -1240,11 +1240,11 @@ def test_rays_meet_where_an_object_is_and_patches_lie_on_it(gripper: str) -> Non
     pose = cube[None, None].double().numpy(), np.eye(3)[None, None]
     points = net.pixels(torch.from_numpy(net.points.at(*pose)).float(), cameras)
     spread = torch.zeros(1, len(net.points.things))
-    views = [sight.Seen(spread, pixels, spread, spread) for pixels, _ in points]
-    views[2] = replace(views[2], pixels=views[2].pixels + 50.0, spread=spread + 1e6)
+    pixels = [at for at, _ in points]
+    pixels[2] = pixels[2] + 50.0
     far_from_sure = np.stack([np.zeros((3, 3)), np.eye(3)])[:, None]
     usual = Usual(np.zeros((2, 1, 3)), far_from_sure)  # the third does not see it
-    rays = net.rays(views, cameras.numpy())
+    rays = net.rays(pixels, [spread + 1.0, spread + 1.0, spread + 1e6], cameras.numpy())
     places, turns = meet(rays, net.points, usual, np.eye(3)[None, None])
     assert np.allclose(places[0, 0], cube, atol=1e-3)
     assert np.allclose(turns[0, 0], np.eye(3), atol=1e-2)
@@ -1265,6 +1265,38 @@ def test_rays_meet_where_an_object_is_and_patches_lie_on_it(gripper: str) -> Non
     patches = (taken[0][0].view(3, 3, sight.PATCH, sight.PATCH) + 1) * 127.5
     at = net.pixels((cube + net.patch[7])[None, None], cameras)[0][0][0, 0]
     assert torch.allclose(patches[0, :2].flatten(1)[:, 7], at, atol=0.1)
+
+
+@pytest.mark.usefixtures("example")
+def test_windows_lie_around_objects_and_are_as_large_on_them() -> None:
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import sight  # pyright: ignore[reportMissingImports]
+    from windows import SPAN, Windows  # pyright: ignore[reportMissingImports]
+
+    state = duobench.make("bin_sort", cameras=False).reset(seed=0)[0]["agent_pos"][None]
+    cameras = torch.from_numpy(sight.places_of_cameras(state, robot_with("robotiq_2f85")))
+    net = sight.Sight(
+        ("cube_x", "cube_y", "cube_z"), {"o_mean": np.zeros(3), "o_scale": np.ones(3)}, []
+    )
+    cube, things = torch.tensor([0.5, 0.1, 0.02]), torch.tensor([0])
+    about = cube + torch.tensor([0.01, -0.02, 0.005])
+    windows = Windows.around(about[None, None], cameras)
+    rendered = []  # of images that tell where their pixels are, of those that count
+    for size in sight.rendered_sizes().values():
+        lines = [(torch.arange(n) + 0.5) / sight.FINE - 0.5 for n in size[::-1]]
+        rendered.append(torch.stack(torch.meshgrid(*lines, indexing="xy"))[None])
+    there = torch.stack([at for at, _ in net.pixels(cube[None, None], cameras)], 1)
+    inside = windows.inside(there, things)
+    assert torch.allclose(windows.outside(inside, things), there, atol=1e-2)
+    head = inside[0, 0, 0].round().long()
+    seen = windows.cut(rendered)[0, 0, 0][:, head[1], head[0]]
+    assert torch.allclose(seen, there[0, 0, 0], atol=1.0)
+    assert not torch.allclose(seen, windows.centres[0, 0, 0], atol=2.0)
+    ends = [about + SPAN / 2 * axis for axis in torch.eye(3)]
+    far = [net.pixels(end[None, None], cameras)[0][0][0, 0] for end in ends]
+    widest = max(float((end - windows.centres[0, 0, 0]).norm()) for end in far)
+    half = float(windows.scale[0, 0, 0]) * sight.WINDOW / 2
+    assert half < widest < 1.5 * half  # away from its axis a lens shows things larger
 
 
 @pytest.mark.usefixtures("example")
