@@ -38,8 +38,6 @@ PATCH, SIDE = 40, 0.2
 """Pixels and metres along a side of a patch on an object."""
 FINE = 2
 """How many pixels along a side of an image, as it is rendered, are one of those `SIZES`."""
-FIRST = 2
-"""How many of these along a side are one for a first look, at whole images."""
 WINDOW = 64
 """Pixels along a side of the window around an object in which it looks closer (`windows.py`)."""
 NEAR = 0.05
@@ -94,15 +92,9 @@ class Seen:
 
 
 class Eye(nn.Module):
-    """Where one camera sees each point.
+    """Where one camera sees each point."""
 
-    Args:
-        size: Height and width of its images, in pixels.
-        points: How many points.
-        shrink: How many pixels along a side are one to it.
-    """
-
-    def __init__(self, size: tuple[int, int], points: int, shrink: int = 1) -> None:
+    def __init__(self, size: tuple[int, int], points: int) -> None:
         super().__init__()
         self.layers = nn.Sequential(
             nn.Conv2d(3, CHANNELS, 2 * STRIDE, STRIDE, padding=STRIDE // 2),
@@ -115,29 +107,23 @@ class Eye(nn.Module):
             nn.ReLU(),
         )
         self.maps = nn.Conv2d(CHANNELS, points, 3, padding=1)
-        self._shrink, self._cell = shrink, STRIDE * shrink
-        down, across = (
-            (torch.arange(n // self._cell) + 0.5) * self._cell - 0.5 for n in size
-        )
+        down, across = ((torch.arange(n // STRIDE) + 0.5) * STRIDE - 0.5 for n in size)
         grid = torch.stack(torch.meshgrid(across, down, indexing="xy"), -1).view(-1, 2)
         self.register_buffer("grid", grid, persistent=False)
         self._size = size
 
     def forward(self, images: torch.Tensor) -> Seen:
         """What is seen in images (B, 3, height, width) of 0 to 255."""
-        images = images.float()
-        if self._shrink > 1:
-            images = functional.avg_pool2d(images, self._shrink)
         how = {"dtype": torch.bfloat16, "enabled": self.training}  # twice as fast
         with torch.autocast(images.device.type, **how):
-            cells = self.layers(images / 127.5 - 1)
+            cells = self.layers(images.float() / 127.5 - 1)
             maps = self.maps(cells)
         maps = maps.float().flatten(2).log_softmax(-1)
         shares = maps.detach().exp()  # taught by pixels alone
         pixels = shares @ self.grid
         spread = shares @ self.grid.square().sum(-1) - pixels.square().sum(-1)
         spread = (
-            spread - self._cell**2 / 3
+            spread - STRIDE**2 / 3
         ).relu()  # that much a pixel between cells is spread
         sharp = shares.amax(-1, keepdim=True)
         around = pixels / max(self._size) - 0.5
@@ -152,9 +138,9 @@ class Eye(nn.Module):
         A pixel is shared by the four cells around it, so that the mean of the map is the pixel;
         what is not within the image is anywhere.
         """
-        columns = self._size[1] // self._cell
-        most = torch.tensor([n // self._cell - 1.001 for n in self._size[::-1]])
-        cell = ((pixels + 0.5) / self._cell - 0.5).clamp(min=0).minimum(most.to(pixels))
+        columns = self._size[1] // STRIDE
+        most = torch.tensor([n // STRIDE - 1.001 for n in self._size[::-1]])
+        cell = ((pixels + 0.5) / STRIDE - 0.5).clamp(min=0).minimum(most.to(pixels))
         low = cell.floor()
         right, below = (cell - low).unbind(-1)
         first = (low[..., 1] * columns + low[..., 0]).long()
@@ -189,7 +175,7 @@ class Sight(nn.Module):
         self.read_there = [*chosen, *quarters] if chosen else []
         patches = sum(name.endswith("_x_axis_x") for name in names)
         count = len(self.points.things)
-        self.eyes = nn.ModuleList(Eye(size, count, FIRST) for size in SIZES.values())
+        self.eyes = nn.ModuleList(Eye(size, count) for size in SIZES.values())
         each = np.bincount(self.points.things)
         self.near = nn.ModuleList(Eye((WINDOW, WINDOW), n) for n in each.tolist())
         self.things = torch.from_numpy(self.points.things)
