@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from demonstrations import Demonstrations, Rows, opening_columns
-from frames import Frames, bodies, rotations_by
+from frames import Frames, bodies, places_in, rotations_by
 from numpy.typing import NDArray
 
 from duobench.core.types import SIDES
@@ -185,11 +185,12 @@ class Otherwise:
         names, rows = data.names, len(data.objects)
         objects = data.objects.copy()
         goals, held = Moves.none(rows), Moves.none(rows)
-        for thing, body in enumerate(bodies(names)):
+        for thing, (body, place) in enumerate(
+            zip(bodies(names), places_in(names), strict=True)
+        ):
             hands = grasps.things == thing
             some = np.flatnonzero(hands.any(1))
             hands, holds = hands[some], hands[some] & grasps.holds[some]
-            place = slice(names.index(f"{body}_x"), names.index(f"{body}_x") + 3)
             axes = [f"{body}_{axis}_axis_x" for axis in "xz"]
             starts = [names.index(axis) for axis in axes if axis in names]
             way = size[0] * rng.normal(size=(len(some), 3))
