@@ -389,7 +389,7 @@ def unplayed(monkeypatch: pytest.MonkeyPatch, example: None) -> None:  # noqa: A
 def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     import network  # pyright: ignore[reportMissingImports]
-    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from demonstrations import Demonstrations, stillness  # pyright: ignore[reportMissingImports]
     from frames import features, frames  # pyright: ignore[reportMissingImports]
 
     data = Demonstrations.load(exports / TASK)
@@ -413,6 +413,8 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     env = duobench.make(TASK, cameras=False, object_state=True, action_mode="cartesian")
     played = policy.act(env.reset(seed=0)[0])
     assert played.shape == (30, 16)
+    assert policy._grippers._still == stillness(data.labels, data.lengths)
+    assert np.min(policy._grippers._still) > 0
     openings = np.concatenate(policy._hands[0]).astype(np.float32)
     assert set(np.unique(played[:, [7, 15]])) <= set(openings)
 
