@@ -185,6 +185,18 @@ def rotations_by(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis
 
 
+def turns_between(
+    now: NDArray[np.float64], wanted: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Vectors (..., 3) by which rotations (..., 3, 3) are to be turned to be others that are near.
+
+    Their length is the sine of the angle.
+    """
+    error = wanted @ np.swapaxes(now, -1, -2)
+    odd = (error - np.swapaxes(error, -1, -2)) / 2
+    return np.stack([odd[..., 2, 1], odd[..., 0, 2], odd[..., 1, 0]], axis=-1)
+
+
 def _vector(objects: Rows, names: tuple[str, ...], thing: str, axis: str) -> Rows:
     column = names.index(f"{thing}_{axis}_axis_x")
     return objects[:, column : column + 3].astype(np.float64)

@@ -18,15 +18,18 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import learning
 import network
 import numpy as np
 import torch
 from demonstrations import Demonstrations, Rows
 from frames import QUARTERS, bodies, frames, places_in, with_pose_noise
 from numpy.typing import NDArray
+from own_play import Trial
 from pictures import Pictures, at_rest, in_play, watch
 from rays import Points, Usual, meet
 from sight import WINDOW, Sight, places_of_cameras, rendered_sizes, whole
+from tracks import Tracks
 from windows import Windows
 
 from duobench.core.errors import DataError, DuoBenchError, PolicyError
@@ -48,23 +51,22 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Training:
+class Training(learning.Training):
     """How long it learns to see, and from what beside demonstrations."""
 
     batch: int = 32
     closer: int = 64
     """Rows of which windows are seen in a step."""
     rate: float = 2e-3
-    passes: int = 5
-    """Over all images; the rate falls to zero over them."""
+    decay: float = 1e-4
     warm_up: int = 50
-    """Steps."""
+    every: int = 1000
+    most: int = 4000
+    patience: int = 1000
     layouts: int = 2000
     """Layouts at rest."""
     played: int = 60
     """Episodes of its own play."""
-    device: str = "cpu"
-    """What PyTorch trains on; it plays on the processor."""
 
 
 @dataclass(frozen=True)
@@ -198,6 +200,7 @@ def train(
     acts: Path,
     data: Demonstrations,
     pictures: Pictures,
+    task: str,
     out: Path,
     seed: int,
     how: Training | None = None,
@@ -208,13 +211,14 @@ def train(
         acts: File of a network on object states.
         data: Demonstrations.
         pictures: Images of them, and more.
+        task: Their task, of which layouts of `train` are played.
         out: The file, with both.
         seed: Of the numbers at the start, and the order.
         how: How long.
 
     Returns:
-        What is told of it: recipe, steps, how many images of a camera there are, and how far off
-        what it does not learn from is seen; see `_Rows.told`.
+        What is told of it: see `learning.learn`; how many images of a camera there are, and how far
+        off what it does not learn from is seen, as `_Rows.told` says.
 
     Raises:
         DataError: The network that acts is of another task.
@@ -225,30 +229,22 @@ def train(
     torch.manual_seed(seed)
     rows = _Rows(data, pictures, how.device)
     net = rows.sight().to(how.device, memory_format=torch.channels_last)
-    adam = torch.optim.AdamW(
-        net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True
-    )
-    steps = math.ceil(how.passes * len(rows.learned) / how.batch)
-    for k in range(steps):
-        for group in adam.param_groups:
-            left = 1 - k / steps
-            group["lr"] = how.rate * min(1.0, (k + 1) / how.warm_up) * left
-        losses = rows.losses(net, rows.drawn(how.batch), rows.drawn(how.closer))
-        adam.zero_grad()
-        torch.stack(list(losses.values())).sum().backward()
-        adam.step()
-        if k % 200 == 0:
-            told = ", ".join(
-                f"{kind} {float(one.detach()):.3f}" for kind, one in losses.items()
-            )
-            print(f"step {k + 1} of {steps}: {told}", flush=True)
-    sight = {f"{SIGHT}{k}": v.cpu().numpy() for k, v in net.state_dict().items()}
     chosen = np.array(rows.kinds.chosen, dtype=np.int64)
     usual = {f"{USUAL}{k}": part for k, part in asdict(rows.usual).items()}
-    np.savez(out, **dict(np.load(acts)) | sight | usual, chosen=chosen)
-    recipe = asdict(how) | {"seed": seed}
-    told = {"recipe": recipe, "steps": steps, "images": len(pictures.state)}
-    return told | rows.told(Images(out))
+    others = dict(np.load(acts)) | usual | {"chosen": chosen}
+    trial = Trial(task, how.episodes)
+
+    def error() -> torch.Tensor:
+        losses = rows.losses(net, rows.drawn(how.batch), rows.drawn(how.closer))
+        return torch.stack(list(losses.values())).sum()
+
+    def look(average: Sight, file: Path) -> tuple[int, float]:
+        sight = {f"{SIGHT}{k}": v for k, v in network.arrays(average).items()}
+        np.savez(file, **others, **sight)
+        return trial.score(Images(file))
+
+    told = learning.learn(net, error, how, look, out, seed)
+    return told | {"images": len(pictures.state)} | rows.told(Images(out))
 
 
 class _Rows:
@@ -402,6 +398,7 @@ class Images(network.Network):
         self._sight = Sight(self.names, scale, self._chosen).eval()
         self._sight.load_state_dict(parts)
         self._read: list[Rows] = []
+        self._tracks = Tracks()
         self._places = places_in(self.names)
         self.metadata = replace(
             self.metadata,
@@ -412,18 +409,25 @@ class Images(network.Network):
         )
 
     def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode, of which nothing was read."""
+        """Begin an episode, of which nothing was seen."""
         super().reset(instruction, seed)
         self._read = []
+        self._tracks = Tracks()
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
         images = (observation["pixels"][camera] for camera in POLICY_CAMERAS)
         images = [torch.tensor(one.transpose(2, 0, 1))[None] for one in images]
-        objects = self.look(images, observation["agent_pos"][None])[0]
-        self._read.append(objects[self._chosen])  # which never changes: all looks count
-        objects[self._chosen] = np.mean(self._read, axis=0).round()
-        return self.plan(observation["agent_pos"], objects)
+        state = observation["agent_pos"]
+        objects = self.look(images, state[None])
+        self._read.append(
+            objects[0, self._chosen]
+        )  # which never changes: all looks count
+        objects[0, self._chosen] = np.mean(self._read, axis=0).round()
+        here = frames(state[None], objects, self.names, self._robot)
+        places, turns = self._tracks.follow(here)
+        self._put(objects, places[None], turns[None])
+        return self.plan(state, objects[0])
 
     def look(self, images: Sequence[torch.Tensor], state: Rows) -> Rows:
         """Object states (B, n) as they are seen; what the layout chose is not yet whole.
@@ -467,11 +471,7 @@ class Images(network.Network):
                 both = [a + b for a, b in zip(far, near, strict=True)]
                 rays = sight.rays(*both, np.concatenate([cameras, cameras], 1))
                 places, turns = meet(rays, sight.points, self._usual, turns)
-            for place, part in zip(places.swapaxes(0, 1), self._places, strict=True):
-                seen[:, part] = place
-            for k, x, z in _axes(self.names):
-                turn = turns[:, k - len(SIDES)]
-                seen[:, x], seen[:, z] = turn[..., 0], turn[..., 2]
+            self._put(seen, places, turns)
             if self._chosen:
                 patches = on_patches(places, turns, self.names)
                 columns = sight.read_there
@@ -479,6 +479,14 @@ class Images(network.Network):
                 read = read * sight.o_scale[columns] + sight.o_mean[columns]
                 seen[:, columns] = read.numpy()
         return recognized(seen, self.names)
+
+    def _put(self, objects: Rows, places: Array, turns: Array) -> None:
+        """Write places (T, K, 3) and axes of rotations (T, K, 3, 3) into T rows of objects."""
+        for place, part in zip(places.swapaxes(0, 1), self._places, strict=True):
+            objects[:, part] = place
+        for k, x, z in _axes(self.names):
+            turn = turns[:, k - len(SIDES)]
+            objects[:, x], objects[:, z] = turn[..., 0], turn[..., 2]
 
     def _closer(
         self, windows: Windows, images: torch.Tensor
@@ -511,6 +519,16 @@ if __name__ == "__main__":
         check(asked.acts, demonstrations)  # before what takes minutes
         how = Training(device=asked.device)
         images = see(asked.acts, asked.demos, asked.export.name, demonstrations, how)
-        print(train(asked.acts, demonstrations, images, asked.out, asked.seed, how))
+        print(
+            train(
+                asked.acts,
+                demonstrations,
+                images,
+                asked.export.name,
+                asked.out,
+                asked.seed,
+                how,
+            )
+        )
     except DuoBenchError as error:
         parser.exit(1, f"error: {error}\n")

@@ -20,6 +20,8 @@ from duobench.core.errors import DataError
 
 LATE = 10
 """One part in so many of all steps so far is averaged over."""
+TOLD = 500
+"""Steps between two lines that tell how it goes."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,11 @@ def learn(
             for group in adam.param_groups:
                 group["lr"] = how.rate * min(1.0, (step + 1) / how.warm_up)
             adam.zero_grad()
-            error().backward()
+            lost = error()
+            lost.backward()
             adam.step()
+            if step % TOLD == 0:
+                print(f"step {step}: error {float(lost.detach()):.3f}", flush=True)
             with torch.no_grad():
                 for late, now in zip(
                     average.parameters(), net.parameters(), strict=True

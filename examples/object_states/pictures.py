@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import grasps
 import gymnasium as gym
 import numpy as np
 import torch
 from demonstrations import Demonstrations, Rows
-from frames import places_in
+from frames import bodies, places_in, with_pose_noise
 from numpy.typing import NDArray
 from own_play import LEARNED
 from sight import SIZES, WINDOW, places_of_cameras, rendered_sizes, whole
@@ -24,6 +25,7 @@ from windows import Windows
 import duobench
 from duobench.core.errors import DataError
 from duobench.core.randomness import TRAIN, episode_seed
+from duobench.core.spatial import SE3
 from duobench.core.types import SIDES, DuoCommand
 from duobench.data import DataSet, ImageSource
 from duobench.envs.execution import Step
@@ -150,6 +152,7 @@ def watch(demos: Path, task: str, data: Demonstrations) -> Pictures:
     recordings = DataSet.open(demos, create=False).recordings(task)
     source = ImageSource(task)
     album = _Album(data, sum(len(range(0, n, EVERY)) for n in data.lengths))
+    rng = np.random.default_rng(0)
     for episode in range(len(data.lengths)):
         recording, rows = next(recordings, None), number == episode
         recorded, state, objects = (
@@ -165,13 +168,49 @@ def watch(demos: Path, task: str, data: Demonstrations) -> Pictures:
             )
         for row in range(0, len(recorded), EVERY):
             source.show(recording, int(recorded[row]))
-            album.add(source.simulation, state[row], objects[row], row, episode)
+            seen = _otherwise(
+                source.simulation, objects[row], objects[0], data.names, rng
+            )
+            album.add(source.simulation, state[row], seen, row, episode)
         if episode % 20 == 0:
             text = f"{episode + 1} of {len(data.lengths)} episodes rendered"
             print(f"{task}: {text}", flush=True)
     pictures = album.pictures()
     source.close()
     return pictures
+
+
+def _otherwise(
+    simulation: Simulation,
+    objects: Rows,
+    first: Rows,
+    names: tuple[str, ...],
+    rng: np.random.Generator,
+) -> Rows:
+    """Move and turn what no longer lies as it lay at first; the object state (n,) then.
+
+    In demonstrations things are held, and joined, alike to a tenth of a millimetre, so that one
+    would tell where another one is. Where one without axes is, such as a ball, it lies in others,
+    and nothing is moved.
+    """
+    places = dict(zip(bodies(names), places_in(names), strict=True))
+    if not all(f"{body}_x_axis_x" in names for body in places):
+        return objects
+    share = rng.random()
+    noise = share * grasps.MOVED_BY, share * grasps.TURNED_BY
+    moved = with_pose_noise(objects[None], names, *noise, rng)[0]
+    for body, place in places.items():
+        axes = [names.index(f"{body}_{axis}_axis_x") for axis in "xz"]
+        parts = [place, *(slice(axis, axis + 3) for axis in axes)]
+        if np.linalg.norm(objects[place] - first[place]) < grasps.MOVED:
+            for part in parts:
+                moved[part] = objects[part]
+            continue
+        at, ahead, up = (moved[part].astype(np.float64) for part in parts)
+        turn = np.stack([ahead, np.cross(up, ahead), up], axis=1)
+        simulation.place(body, SE3(turn, at))
+    simulation.forward()
+    return moved
 
 
 def at_rest(task: str, data: Demonstrations, count: int) -> Pictures:

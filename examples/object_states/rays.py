@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from frames import bodies, cross_matrices, rotations_by
+from frames import bodies, cross_matrices, rotations_by, turns_between
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -200,7 +200,7 @@ def _to_guess(guess: Array, turns: Array) -> _Pull:
     for k in range(things):
         moves[:, k, :, 1, k] = np.eye(3)
     weights = np.tile(np.eye(3) / TURN**2, (count, things, 1, 1))
-    return _Pull(-_turn(guess, turns), weights, moves)
+    return _Pull(-turns_between(turns, guess), weights, moves)
 
 
 def _to_usual(usual: Usual, places: Array) -> _Pull:
@@ -229,10 +229,3 @@ def _to_others(usual: Usual, places: Array, turns: Array, other: int) -> _Pull:
 
 def _moves(count: int, vectors: int, things: int) -> Array:
     return np.zeros((count, vectors, 3, 2, things, 3))
-
-
-def _turn(wanted: Array, now: Array) -> Array:
-    """By which vectors (..., 3) rotations are to be turned to be others, for small ones."""
-    error = wanted @ np.swapaxes(now, -1, -2)
-    odd = (error - np.swapaxes(error, -1, -2)) / 2
-    return np.stack([odd[..., 2, 1], odd[..., 0, 2], odd[..., 1, 0]], axis=-1)

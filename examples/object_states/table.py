@@ -201,7 +201,7 @@ def see(
     before = processor_seconds()
     how = images.Training(device=asked.device)
     pictures = images.see(acts, asked.images, task, data, how)
-    told = images.train(acts, data, pictures, out, seed, how)
+    told = images.train(acts, data, pictures, task, out, seed, how)
     return told | {"seconds": round(processor_seconds() - before)}
 
 
