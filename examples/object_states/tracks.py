@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from duobench.core.types import SIDES
 
 Array = NDArray[np.float64]
-SHARE = 0.1
+SHARE = 0.3
 """Least share of one look in the mean."""
-FURTHEST = 0.008, math.radians(10.0)
+FURTHEST = 0.004, math.radians(5.0)
 """How far (m, rad) what is seen is at most from where an object was followed to."""
 
 
