@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import grasps
 import gymnasium as gym
 import numpy as np
 import torch
 from demonstrations import Demonstrations, Rows
 from frames import bodies, places_in, with_pose_noise
+from grasps import MOVED
 from numpy.typing import NDArray
 from own_play import LEARNED
 from sight import SIZES, WINDOW, places_of_cameras, rendered_sizes, whole
@@ -40,11 +40,15 @@ EVERY = 6
 """Rows of an episode from one image that is learned from to the next."""
 HELD_OUT = 10
 """Every n-th episode and layout is not learned from, and tells how well is seen."""
-MOVED = 10
+UNDER_OTHER_ARMS = 10
 """Rows before one of a layout at rest under arms that are elsewhere, as they are counted."""
 NEARLY = 0.02
 """Largest standard deviation (m) of where objects are told to be as windows are cut around them;
 each image draws its own up to it."""
+HELD_OTHERWISE = 3e-3, 0.03
+"""Largest standard deviations (m, rad) of how what is held is moved and turned in demonstrations
+before these are rendered, as hands hold things that grasp by what they see; each image draws its
+own up to these."""
 Pixels = NDArray[np.uint8]
 
 
@@ -197,12 +201,12 @@ def _otherwise(
     if not all(f"{body}_x_axis_x" in names for body in places):
         return objects
     share = rng.random()
-    noise = share * grasps.MOVED_BY, share * grasps.TURNED_BY
+    noise = [share * size for size in HELD_OTHERWISE]
     moved = with_pose_noise(objects[None], names, *noise, rng)[0]
     for body, place in places.items():
         axes = [names.index(f"{body}_{axis}_axis_x") for axis in "xz"]
         parts = [place, *(slice(axis, axis + 3) for axis in axes)]
-        if np.linalg.norm(objects[place] - first[place]) < grasps.MOVED:
+        if np.linalg.norm(objects[place] - first[place]) < MOVED:
             for part in parts:
                 moved[part] = objects[part]
             continue
@@ -232,7 +236,7 @@ def at_rest(task: str, data: Demonstrations, count: int) -> Pictures:
         if n % 2:
             arms = data.state[rows[n]].reshape(len(SIDES), -1).copy()
             arms[:, -1] = 1.0
-            state, before = arms.reshape(-1), MOVED
+            state, before = arms.reshape(-1), UNDER_OTHER_ARMS
             simulation.duo.set_configuration(DuoCommand.from_flat(state))
             simulation.forward()
         album.add(simulation, state, objects, before, n // 2)

@@ -1062,7 +1062,7 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
     assert np.abs(np.diff(seen.objects[[rows + 4, rows + 4 + played]], axis=0)).max() > 1e-3
     for rest in (0, 2):  # with their hands at home, and with those of a demonstration
         home, moved = seen.state[rows + rest : rows + rest + 2]
-        assert seen.before[rows + rest :].tolist()[:2] == [0, pictures.MOVED]
+        assert seen.before[rows + rest :].tolist()[:2] == [0, pictures.UNDER_OTHER_ARMS]
         assert np.allclose(home, data.state[0], atol=1e-3)
         shown = np.abs(data.state - moved)[:, np.arange(16) % 8 != 7]
         assert shown.max(axis=1).min() < 1e-6
@@ -1089,14 +1089,14 @@ def test_what_is_held_is_rendered_elsewhere_and_what_lies_still_is_not() -> None
     ]
     assert np.array_equal(moved[0], first)
     off = np.linalg.norm(np.stack(moved[1:])[:, :3] - away[:3], axis=1)
-    assert 0.002 < np.median(off) < 0.02
-    assert off.max() < 0.06
+    assert 0.001 < np.median(off) < 0.006
+    assert off.max() < 0.02
     now = simulation.pose("pot")
     assert np.allclose(now.translation, moved[-1][:3], atol=1e-6)
     x, z = (names.index(f"pot_{axis}_axis_x") for axis in "xz")
     assert np.allclose(now.rotation[:, 0], moved[-1][x : x + 3], atol=1e-4)
     assert np.allclose(now.rotation[:, 2], moved[-1][z : z + 3], atol=1e-4)
-    assert 0.1 < degrees_off(now.rotation, pot.rotation) < 30
+    assert 0.05 < degrees_off(now.rotation, pot.rotation) < 15
     assert np.array_equal(simulation.pose("stove").translation, stove.translation)
     ball = (*POINTED, "cube_z_axis_x")
     assert pictures._otherwise(simulation, away, first, ball, rng) is away
