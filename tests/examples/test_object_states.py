@@ -1060,6 +1060,10 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
         before = range(0, pictures.EVERY * played, pictures.EVERY)
         assert seen.before[first : first + played].tolist() == [*before]
     assert np.abs(np.diff(seen.objects[[rows + 4, rows + 4 + played]], axis=0)).max() > 1e-3
+    last = of_episodes[0] - 1
+    assert np.array_equal(seen.objects[0], data.objects[0])
+    off = seen.objects[last, :3] - data.objects[pictures.EVERY * last, :3]
+    assert 1e-5 < np.abs(off).max() < 0.02  # it was carried, and is rendered elsewhere
     for rest in (0, 2):  # with their hands at home, and with those of a demonstration
         home, moved = seen.state[rows + rest : rows + rest + 2]
         assert seen.before[rows + rest :].tolist()[:2] == [0, pictures.UNDER_OTHER_ARMS]
@@ -1145,7 +1149,11 @@ def test_a_network_that_sees_images_is_trained_and_played(
     (path, _) = DataSet.open(demos).episodes()
     env = duobench.make(TASK, split="train", **needed_options(policy.metadata))
     seen, _ = env.reset(seed=Recording.read_info(path).seed)
-    assert policy.act(seen).shape == (30, 16)
+    played = policy.act(seen)
+    assert played.shape == (30, 16)
+    elsewhere = 0.1 + policy._tracks._mean.places, policy._tracks._mean.turns
+    monkeypatch.setattr(policy._tracks, "follow", lambda _: elsewhere)
+    assert np.abs(policy.act(seen) - played).max() > 1e-3
     pixels = [torch.from_numpy(seen["pixels"][c].transpose(2, 0, 1))[None] for c in POLICY_CAMERAS]
     found = policy.look(pixels, seen["agent_pos"][None])[0]
     for body in frames.bodies(data.names):  # it has learned from these images
