@@ -1152,6 +1152,7 @@ def test_a_network_that_sees_images_is_trained_and_played(
     played = policy.act(seen)
     assert played.shape == (30, 16)
     elsewhere = 0.1 + policy._tracks._mean.places, policy._tracks._mean.turns
+    policy.reset("", 0)
     monkeypatch.setattr(policy._tracks, "follow", lambda _: elsewhere)
     assert np.abs(policy.act(seen) - played).max() > 1e-3
     pixels = [torch.from_numpy(seen["pixels"][c].transpose(2, 0, 1))[None] for c in POLICY_CAMERAS]
