@@ -185,6 +185,13 @@ def rotations_by(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis
 
 
+def rotations_of(
+    x: NDArray[np.floating], z: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Rotation matrices (..., 3, 3) whose first and third columns are axes (..., 3)."""
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
 def turns_between(
     now: NDArray[np.float64], wanted: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -211,7 +218,7 @@ def _forwards(x: Rows, z: Rows) -> tuple[NDArray[np.float64], NDArray[np.int64]]
     quarters = np.round(np.arctan2(-y[:, 0], x[:, 0]) / _QUARTER).astype(np.int64)
     quarters %= QUARTERS
     ahead = np.choose(quarters, (x.T, -y.T, -x.T, y.T)).T
-    return np.stack([ahead, np.cross(z, ahead), z], axis=-1), quarters
+    return rotations_of(ahead, z), quarters
 
 
 def _maze(objects: Rows, names: tuple[str, ...], quarters: NDArray[np.int64]) -> Rows:

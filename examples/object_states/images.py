@@ -23,7 +23,14 @@ import network
 import numpy as np
 import torch
 from demonstrations import Demonstrations, Rows
-from frames import QUARTERS, bodies, frames, places_in, with_pose_noise
+from frames import (
+    QUARTERS,
+    bodies,
+    frames,
+    places_in,
+    rotations_of,
+    with_pose_noise,
+)
 from numpy.typing import NDArray
 from own_play import Trial
 from pictures import Pictures, at_rest, in_play, watch
@@ -119,7 +126,7 @@ def rotations(seen: Rows, names: tuple[str, ...]) -> NDArray[np.float64]:
         up = seen[:, z] / np.linalg.norm(seen[:, z], axis=1, keepdims=True)
         ahead = seen[:, x] - (seen[:, x] * up).sum(1, keepdims=True) * up
         ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-        turns[:, k - len(SIDES)] = np.stack([ahead, np.cross(up, ahead), up], axis=-1)
+        turns[:, k - len(SIDES)] = rotations_of(ahead, up)
     return turns
 
 
@@ -398,8 +405,10 @@ class Images(network.Network):
         self._sight = Sight(self.names, scale, self._chosen).eval()
         self._sight.load_state_dict(parts)
         self._read: list[Rows] = []
-        self._tracks = Tracks()
         self._places = places_in(self.names)
+        turned = [k - len(SIDES) for k, _, _ in _axes(self.names)]
+        self._turned = np.isin(np.arange(len(self._places)), turned)
+        self._tracks = Tracks(self._turned)
         self.metadata = replace(
             self.metadata,
             name="frames of things, from images",
@@ -412,7 +421,7 @@ class Images(network.Network):
         """Begin an episode, of which nothing was seen."""
         super().reset(instruction, seed)
         self._read = []
-        self._tracks = Tracks()
+        self._tracks = Tracks(self._turned)
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""

@@ -15,7 +15,7 @@ import gymnasium as gym
 import numpy as np
 import torch
 from demonstrations import Demonstrations, Rows
-from frames import bodies, places_in, with_pose_noise
+from frames import bodies, places_in, rotations_of, with_pose_noise
 from grasps import MOVED
 from numpy.typing import NDArray
 from own_play import LEARNED
@@ -211,8 +211,7 @@ def _otherwise(
                 moved[part] = objects[part]
             continue
         at, ahead, up = (moved[part].astype(np.float64) for part in parts)
-        turn = np.stack([ahead, np.cross(up, ahead), up], axis=1)
-        simulation.place(body, SE3(turn, at))
+        simulation.place(body, SE3(rotations_of(ahead, up), at))
     simulation.forward()
     return moved
 

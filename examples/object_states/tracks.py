@@ -39,9 +39,14 @@ class _Mean:
 
 
 class Tracks:
-    """Objects, followed through one episode."""
+    """Objects, followed through one episode.
 
-    def __init__(self) -> None:
+    Args:
+        turned: Which of them (K,) have axes; others are told to be turned as the table is.
+    """
+
+    def __init__(self, turned: NDArray[np.bool_]) -> None:
+        self._turned = turned
         self._mean: _Mean | None = None
 
     def follow(self, seen: Frames) -> tuple[Array, Array]:
@@ -82,8 +87,7 @@ class Tracks:
         ways = mean.places - before[:, None]
         there = (turned[:, None] @ ways[..., None])[..., 0] + after[:, None]
         then = turned[:, None] @ mean.turns
-        lies = (mean.turns == np.eye(3)).all((1, 2))  # without axes
-        then = np.where(lies[:, None, None], np.eye(3), then)
+        then = np.where(self._turned[:, None, None], then, np.eye(3))
         away = np.linalg.norm(there - places, axis=-1) / FURTHEST[0]
         angle = np.linalg.norm(_apart(then, turns)[1], axis=-1) / FURTHEST[1]
         best = np.hypot(away, angle).argmin(0)

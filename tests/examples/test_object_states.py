@@ -1160,6 +1160,9 @@ def test_a_network_that_sees_images_is_trained_and_played(
     for body in frames.bodies(data.names):  # it has learned from these images
         x = data.names.index(f"{body}_x")
         assert np.linalg.norm(found[x : x + 3] - data.objects[0, x : x + 3]) < 0.02
+    monkeypatch.setattr(images, "LOOKS", 0)  # as it is found without windows
+    (far,) = policy.look(pixels, seen["agent_pos"][None])
+    assert np.abs(far[:3] - found[:3]).max() > 1e-5
 
 
 @pytest.mark.usefixtures("example")
@@ -1251,7 +1254,7 @@ def test_objects_are_followed_where_they_lie_and_in_hands_that_hold_them() -> No
     positions = np.array(
         [[[0.4, 0.3, 0.4], [0.4, -0.3, 0.4], [0.4, 0.2, 0], [0.5, 0, 0], [0, 0, 0]]]
     )
-    tracks, wrong, told = Tracks(), [], []
+    tracks, wrong, told = Tracks(np.ones(2, np.bool_)), [], []
     for look in range(40):
         if look >= 5:  # the left hand takes the first object along
             turned = rotation_about((0, 0, 1), 0.02)
@@ -1274,6 +1277,26 @@ def test_objects_are_followed_where_they_lie_and_in_hands_that_hold_them() -> No
     places, _ = tracks.follow(Frames(seen, seen_turns, quarters))
     assert np.allclose(places[0], seen[0, 2])
     assert np.linalg.norm(places[1] - positions[0, 3]) < 1e-3
+
+
+@pytest.mark.usefixtures("example")
+def test_a_ball_is_followed_in_a_hand_that_turns_and_is_told_unturned() -> None:
+    from frames import Frames  # pyright: ignore[reportMissingImports]
+    from tracks import Tracks  # pyright: ignore[reportMissingImports]
+
+    rng = np.random.default_rng(0)
+    tracks, wrong, told = Tracks(np.zeros(1, np.bool_)), [], []
+    turns, quarters = np.tile(np.eye(3), (1, 4, 1, 1)), np.zeros((1, 4), np.int64)
+    for look in range(40):
+        turns[0, 0] = rotation_about((0, 0, 1), 0.2 * look)  # further than is believed at once
+        ball = np.array([0.4, 0.3, 0.4]) + turns[0, 0] @ [0.05, 0.0, 0.1]
+        seen = ball + rng.normal(scale=1e-3, size=3)
+        positions = np.array([[[0.4, 0.3, 0.4], [0.4, -0.3, 0.4], seen, [0, 0, 0]]])
+        places, found = tracks.follow(Frames(positions, turns.copy(), quarters))
+        wrong.append(np.linalg.norm(seen - ball))
+        told.append(np.linalg.norm(places[0] - ball))
+        assert np.array_equal(found[0], np.eye(3))
+    assert np.mean(told[10:]) < 0.6 * np.mean(wrong[10:])
 
 
 @pytest.mark.usefixtures("example")
