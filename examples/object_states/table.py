@@ -20,7 +20,7 @@ import os
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -223,28 +223,50 @@ def read(results: Path, name: str) -> dict[str, list[dict[str, Any]]]:
 
 
 def table(results: Path, name: str) -> Iterator[str]:
-    """Rows in Markdown; the interval holds the spread of the seeds and that of the episodes."""
-    yield "| task | success (95 %) | by seed | progress | last stages 0, 1, 2, ... | minutes |"
-    yield "| --- | ---: | --- | ---: | --- | --- |"
+    """Rows in Markdown: every task of a setting, and the mean."""
+    yield from _head("task")
     means = []
     for task, seeds in read(results, name).items():
-        if not seeds:
-            continue
-        rates = [one["successes"] / one["episodes"] for one in seeds]
-        means.append(np.mean(rates))
-        low, high = interval(rates, seeds[0]["episodes"])
-        stages = ", ".join(
-            map(str, np.sum([one["last_stages"] for one in seeds], axis=0))
-        )
-        progress = np.mean([one["progress"] for one in seeds])
-        minutes = ", ".join(_minutes(one["training"]) for one in seeds)
-        yield (
-            f"| `{task}` | {100 * means[-1]:.0f} ({100 * low:.0f} to {100 * high:.0f}) "
-            f"| {', '.join(f'{100 * rate:.0f}' for rate in rates)} | {progress:.2f} | {stages} "
-            f"| {minutes} |"
-        )
+        if seeds:
+            means.append(np.mean(_rates(seeds)))
+            yield _row(f"`{task}`", seeds)
     if means:
         yield f"| mean of {len(means)} | {100 * np.mean(means):.1f} | | | | |"
+
+
+def compared(results: Path, task: str, settings: Mapping[str, str]) -> Iterator[str]:
+    """Rows in Markdown: one task, learned from what each setting (by its name) is called."""
+    yield from _head("learned from")
+    for name, what in settings.items():
+        seeds = read(results, name)[task]
+        if seeds:
+            rows = seeds[0]["training"]["rows"]
+            yield _row(f"{what} ({rows:,} rows)", seeds)
+
+
+def _head(first: str) -> Iterator[str]:
+    columns = "success (95 %) | by seed | progress | last stages 0, 1, 2, ... | minutes"
+    yield f"| {first} | {columns} |"
+    yield "| --- | ---: | --- | ---: | --- | --- |"
+
+
+def _rates(seeds: Sequence[dict[str, Any]]) -> list[float]:
+    return [one["successes"] / one["episodes"] for one in seeds]
+
+
+def _row(first: str, seeds: Sequence[dict[str, Any]]) -> str:
+    """A row of some networks; the interval holds the spread of seeds and that of episodes."""
+    rates = _rates(seeds)
+    low, high = interval(rates, seeds[0]["episodes"])
+    counts = np.sum([one["last_stages"] for one in seeds], axis=0)
+    stages = ", ".join(map(str, counts))
+    progress = np.mean([one["progress"] for one in seeds])
+    minutes = ", ".join(_minutes(one["training"]) for one in seeds)
+    return (
+        f"| {first} | {100 * np.mean(rates):.0f} ({100 * low:.0f} to {100 * high:.0f}) "
+        f"| {', '.join(f'{100 * rate:.0f}' for rate in rates)} | {progress:.2f} | {stages} "
+        f"| {minutes} |"
+    )
 
 
 def _minutes(training: dict[str, Any]) -> str:

@@ -26,7 +26,7 @@ from duobench.core.errors import (
     PolicyError,
     UnknownNameError,
 )
-from duobench.core.randomness import TRAIN, episode_seed
+from duobench.core.randomness import SUITE_VERSION, TRAIN, episode_seed
 from duobench.core.spatial import rotation_about, rotation_by
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.evaluation.rollouts import rollout
@@ -966,6 +966,25 @@ def test_the_interval_holds_the_spread_of_the_seeds() -> None:
     assert apart[0] < 0.25
     assert apart[1] > 0.75
     assert interval([1.0, 1.0], 100)[0] > 0.95
+
+
+@pytest.mark.usefixtures("example")
+def test_settings_stand_beside_each_other_with_what_they_learned_from(tmp_path: Path) -> None:
+    import table  # pyright: ignore[reportMissingImports]
+
+    for setting, seed, successes, rows in (("10", 0, 4, 90), ("10", 1, 5, 90), ("60", 0, 9, 1540)):
+        told = {"task": TASK, "suite": SUITE_VERSION, "episodes": 10, "successes": successes}
+        told |= {"progress": 0.5, "last_stages": [10 - successes, successes]}
+        told |= {"training": {"seconds": 60 * (seed + 1), "rows": rows}}
+        file = tmp_path / setting / f"{TASK}-{seed}.json"
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(json.dumps(told))
+    called = {"10": "10 shown", "10-corrections": "none yet", "60": "60 shown"}
+    head, _, few, many = table.compared(tmp_path, TASK, called)
+    assert head.startswith("| learned from | success (95 %) |")
+    assert few.startswith("| 10 shown (90 rows) | 45 (")
+    assert few.endswith("| 40, 50 | 0.50 | 11, 9 | 1, 2 |")
+    assert many.startswith("| 60 shown (1,540 rows) | 90 (")
 
 
 @pytest.mark.slow
