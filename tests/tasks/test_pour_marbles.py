@@ -2,12 +2,15 @@ import math
 
 import pytest
 
+from duobench.core.errors import TaskError
 from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.tasks.experts.motion import Arms, Script, move, release, together
 from duobench.tasks.experts.scripts.pour_marbles import script, take
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
 from duobench.tasks.stages.placing import REST_SECONDS
+from duobench.tasks.stages.pouring import pouring
+from duobench.tasks.stages.predicates import upright
 from duobench.world.objects.cup import HEAP, HEIGHT, MARBLE_RADIUS, OUTER_RADIUS, WALL
 from duobench.world.sim.contacts import Limb, limb_owner
 from tests.steps import Act, back, do
@@ -30,6 +33,11 @@ def take_both(arms: Arms) -> Script:
 
 def lower_both(arms: Arms) -> Script:
     yield from move(arms, {side: arms.targets[side].moved(z=-0.06) for side in SIDES})
+
+
+def test_pouring_asks_for_something_to_pour() -> None:
+    with pytest.raises(TaskError, match="Nothing is poured into 'left_cup': name one thing"):
+        pouring([], "left_cup", (0.03, 0.0, 0.1), held=upright("right_cup", 0.1))
 
 
 def _sides(bench: TaskHarness, seed: int) -> tuple[Side, Side]:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from operator import methodcaller
 
+from duobench.core.errors import TaskError
 from duobench.tasks.stages.logic import (
     Predicate,
     StateView,
@@ -61,7 +62,13 @@ def pouring(
         vessel: What it is poured into; its z axis points up through its mouth.
         room: Radius, floor and rim of the vessel's hollow in its own frame, in metres.
         held: How the vessel must be held when things are poured.
+
+    Raises:
+        TaskError: There is nothing to pour.
     """
+    things = tuple(things)
+    if not things:
+        raise TaskError(f"Nothing is poured into {vessel!r}: name one thing at least.")
     radius, floor, rim = room
     hollow = CylinderRegion(
         body=vessel,
@@ -71,7 +78,6 @@ def pouring(
     )
     reach = math.hypot(radius, (floor + rim) / 2)
     lower = replace(hollow, high=(floor + rim) / 2)
-    things = tuple(things)
     within = [inside(thing, hollow) for thing in things]
     slow = [_slow(thing, vessel) for thing in things]
     low = [inside(thing, lower) for thing in things]
