@@ -443,7 +443,11 @@ TABLES: Mapping[str, Places] = {
         "learned from own successes": learned("50-self-150"),
         "learned from images": learned("200-images"),
     },
-    "results": {"learned from object states": learned("200"), "paper": paper},
+    "results": {
+        "learned from object states": learned("200"),
+        "learned from images": learned("200-images"),
+        "paper": paper,
+    },
     "serving": {"modes": serving_modes},
     "robustness": {"axes": axes, "lowered": lowered},
     "printing": {"prints": prints},
