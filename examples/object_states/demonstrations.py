@@ -7,6 +7,7 @@ PyTorch to be read.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Sequence
@@ -114,13 +115,36 @@ class Demonstrations:
         )
 
     def __add__(self, other: Demonstrations) -> Demonstrations:
-        """Those of the other one behind these."""
+        """Those of the other one behind these.
+
+        Raises:
+            DataError: They are of another gripper, other objects or other actions.
+        """
+        for name in ("gripper", "names", "columns"):
+            if getattr(self, name) != getattr(other, name):
+                raise DataError(
+                    f"These cannot be learned from together, as `{name}` differs: "
+                    f"{getattr(self, name)!r} and {getattr(other, name)!r}. Export both alike."
+                )
+        if action_mode(self.labels) != action_mode(other.labels):
+            raise DataError(
+                "Some actions are joint targets, and some are tool poses: export both with "
+                "--action cartesian."
+            )
         columns = ("state", "objects", "labels", "lengths", "recorded")
         both = {
             name: np.concatenate([getattr(self, name), getattr(other, name)])
             for name in columns
         }
         return replace(self, **both)
+
+    def hashed(self) -> str:
+        """The first digits of the SHA-256 of what is learned from."""
+        named = json.dumps([self.names, self.columns, self.gripper])
+        found = hashlib.sha256(named.encode())
+        for part in (self.state, self.objects, self.labels, self.lengths):
+            found.update(part.tobytes())
+        return found.hexdigest()[:16]
 
     def chunks(self, horizon: int) -> NDArray[np.int64]:
         """Rows of the chunk (T, horizon) that begins in each row; the last row is held."""

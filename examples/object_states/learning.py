@@ -11,7 +11,8 @@ import copy
 import fcntl
 import json
 import resource
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from duobench.core.errors import DataError
 
 LATE = 10
 """One part in so many of all steps so far is averaged over."""
-TOLD = 500
+PRINT_EVERY = 500
 """Steps between two lines that tell how it goes."""
 
 
@@ -51,9 +52,17 @@ Look = Callable[[Any, Path], tuple[int, float]]
 
 
 def learn(
-    net: Any, error: Callable[[], Any], how: Training, look: Look, out: Path, seed: int
+    net: Any,
+    error: Callable[[], Any],
+    how: Training,
+    look: Look,
+    out: Path,
+    seed: int,
+    source: str,
 ) -> dict[str, Any]:
     """Train a network with Adam, and leave the one that played best in a file.
+
+    Beside it stays what a training goes on from, until `forget` deletes that.
 
     Args:
         net: The network, on its device.
@@ -62,16 +71,18 @@ def learn(
         look: Writes and plays a network.
         out: The file.
         seed: Of the numbers that `error` draws.
+        source: Hash of what is learned from.
 
     Returns:
-        What is told of it: recipe, processor seconds, steps, those of the network that is kept,
-        and what each look saw.
+        What is told of it: recipe, source, processor seconds, steps, those of the network that is
+        kept, and what each look saw.
 
     Raises:
-        DataError: What was stopped learned in another way.
+        DataError: What was stopped learned in another way, or from something else.
     """
     import torch
 
+    out.parent.mkdir(parents=True, exist_ok=True)
     net.train()
     average = copy.deepcopy(net)
     adam = torch.optim.AdamW(
@@ -79,14 +90,19 @@ def learn(
     )
     looks: list[tuple[int, float]] = []
     before, spent = processor_seconds(), 0.0
-    unfinished, candidate = (out.with_suffix(end) for end in (".part", ".last.npz"))
+    unfinished, candidate = _unfinished(out), out.with_suffix(".last.npz")
     recipe = asdict(how) | {"seed": seed}
     torch.manual_seed(seed)
     if unfinished.exists():
         left = torch.load(unfinished, weights_only=False, map_location=how.device)
-        if left["recipe"] != recipe:
+        if (left["recipe"], left["source"]) != (recipe, source):
             raise DataError(
-                f"{unfinished} is left of a training of another recipe: delete it."
+                f"{unfinished} is left of a training of another recipe, or from something else: "
+                "delete it."
+            )
+        if not out.exists():
+            raise DataError(
+                f"{out} is gone, which {unfinished} goes on from: delete it."
             )
         net.load_state_dict(left["net"])
         average.load_state_dict(left["average"])
@@ -101,7 +117,7 @@ def learn(
             lost = error()
             lost.backward()
             adam.step()
-            if step % TOLD == 0:
+            if step % PRINT_EVERY == 0:
                 print(f"step {step}: error {float(lost.detach()):.3f}", flush=True)
             with torch.no_grad():
                 for late, now in zip(
@@ -113,19 +129,29 @@ def learn(
             candidate.replace(out)
         steps = len(looks) * how.every
         print(f"step {steps}: {looks[-1][0]} of {how.episodes} succeed", flush=True)
-        left = {"recipe": recipe, "looks": looks, "drawn": torch.get_rng_state()}
+        left = {"recipe": recipe, "source": source, "looks": looks}
+        left["drawn"] = torch.get_rng_state()
         left["spent"] = spent + processor_seconds() - before
         left |= {part: one.state_dict() for part, one in _parts(net, average, adam)}
         torch.save(left, candidate)
         candidate.replace(unfinished)
-    unfinished.unlink(missing_ok=True)
     return {
         "recipe": recipe,
+        "source": source,
         "seconds": round(spent + processor_seconds() - before),
         "steps": len(looks) * how.every,
         "kept": (_best(looks) + 1) * how.every,
         "looks": [[successes, round(progress, 3)] for successes, progress in looks],
     }
+
+
+def forget(out: Path) -> None:
+    """Delete what a training of this file would go on from, once all is told of it."""
+    _unfinished(out).unlink(missing_ok=True)
+
+
+def _unfinished(out: Path) -> Path:
+    return out.with_suffix(".part")
 
 
 def _parts(net: Any, average: Any, adam: Any) -> list[tuple[str, Any]]:
@@ -156,14 +182,22 @@ def once(file: Path, do: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     With the processor seconds that it took, where it does not tell them itself. Another process
     that does the same waits for it.
     """
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with locked(file.with_suffix(".lock")):
         if not file.exists():
             before = processor_seconds()
             told = do()
             write(file, {"seconds": round(processor_seconds() - before)} | told)
+        forget(file)
     return json.loads(file.read_text())
+
+
+@contextmanager
+def locked(file: Path) -> Iterator[None]:
+    """A time in which no other process holds this file."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def processor_seconds() -> float:

@@ -33,7 +33,7 @@ from demonstrations import (
 )
 from frames import Frames, bodies, columns, features, frames, with_pose_noise
 from grasps import Grasps, Moves, Otherwise, moved
-from learning import Training, learn
+from learning import Training, forget, learn
 from numpy.typing import NDArray
 from own_play import Trial
 
@@ -128,7 +128,7 @@ def train(
         np.savez(file, about=json.dumps(about), **scale, **arrays(average))
         return trial.score(Network(file))
 
-    return learn(net, error, how, look, out, seed)
+    return learn(net, error, how, look, out, seed, data.hashed())
 
 
 def arrays(net: Any) -> dict[str, NDArray[Any]]:
@@ -194,7 +194,7 @@ class _Rows:
         """Error of the chunks of some rows, each told at random in one of the ways."""
         import torch
 
-        told = torch.randint(self._times, rows.shape, device=rows.device)
+        told = torch.randint(self._times, rows.shape).to(rows.device)
         told = rows + told * len(self.labels)
         part = {name: column[told] for name, column in self._told.items()}
         x = part["x"] + NOISE * torch.randn(part["x"].shape).to(part["x"])
@@ -303,6 +303,9 @@ def module(names: tuple[str, ...], scale: Mapping[str, Any]) -> Any:
 class Network:
     """Plays a trained network."""
 
+    sees = False
+    """Whether it sees images."""
+
     def __init__(self, path: Path | None = None) -> None:
         """Read a file, or the one that the variable CHECKPOINT names.
 
@@ -315,6 +318,14 @@ class Network:
                 "trains one."
             )
         self._net = dict(np.load(path))
+        if "about" not in self._net:
+            raise PolicyError(
+                f"{path} is no file of a network: python network.py EXPORT OUT trains one."
+            )
+        if "chosen" in self._net and not self.sees:
+            raise PolicyError(
+                f"{path} is of a network that sees images: play it as images:Images."
+            )
         about = json.loads(str(self._net["about"]))
         if about.get("close") != CLOSE or "still" not in about:
             raise PolicyError(
@@ -435,5 +446,6 @@ if __name__ == "__main__":
         demonstrations = Demonstrations.load(asked.export, asked.episodes)
         how = Training(device=asked.device)
         print(train(demonstrations, asked.export.name, asked.out, asked.seed, how))
+        forget(asked.out)
     except DuoBenchError as error:
         parser.exit(1, f"error: {error}\n")

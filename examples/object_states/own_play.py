@@ -17,6 +17,7 @@ from demonstrations import Demonstrations
 from learning import once
 
 import duobench
+from duobench.core.errors import check_known
 from duobench.core.randomness import TRAIN, episode_seed
 from duobench.data import DataSet
 from duobench.evaluation import rollout
@@ -24,6 +25,7 @@ from duobench.evaluation.runners import record
 from duobench.policy import Policy
 from duobench.results import find_tasks
 from duobench.results.run import needed_options
+from duobench.tasks import catalog
 
 LEARNED, TRIED = 10_000, 20_000
 """Numbers of the first layouts of `train` for each of these."""
@@ -81,9 +83,13 @@ class Trial:
     Args:
         task: The task.
         episodes: How many layouts.
+
+    Raises:
+        UnknownNameError: There is no such task.
     """
 
     def __init__(self, task: str, episodes: int) -> None:
+        check_known("task", task, catalog.names())
         self.task = task
         self.episodes = episodes
         self._env: Any = None

@@ -39,13 +39,13 @@ from duobench.world.sim.simulation import Simulation
 EVERY = 6
 """Rows of an episode from one image that is learned from to the next."""
 HELD_OUT = 10
-"""Every n-th episode and layout is not learned from, and tells how well is seen."""
+"""Every n-th episode, and pair of layouts, is not learned from, and tells how well is seen."""
 UNDER_OTHER_ARMS = 10
-"""Rows before one of a layout at rest under arms that are elsewhere, as they are counted."""
+"""Which row of an episode a layout at rest under arms that are elsewhere counts as."""
 NEARLY = 0.02
 """Largest standard deviation (m) of where objects are told to be as windows are cut around them;
 each image draws its own up to it."""
-HELD_OTHERWISE = 3e-3, 0.03
+GRASP_NOISE = 3e-3, 0.03
 """Largest standard deviations (m, rad) of how what is held is moved and turned in demonstrations
 before these are rendered, as hands hold things that grasp by what they see; each image draws its
 own up to these."""
@@ -62,11 +62,11 @@ class Pictures:
     """Joints and openings (T, 16)."""
     objects: Rows
     """Object states (T, n)."""
-    before: NDArray[np.int64]
-    """Rows (T,) of its episode before each."""
-    held: NDArray[np.bool_]
+    row: NDArray[np.int64]
+    """Which row (T,) of its episode each is."""
+    held_out: NDArray[np.bool_]
     """Which (T,) are not learned from."""
-    told: NDArray[np.float32]
+    window_places: NDArray[np.float32]
     """About where objects are (T, K, 3)."""
     near: Pixels
     """Windows around there (T, cameras, K, 3, height, width)."""
@@ -78,9 +78,9 @@ class Pictures:
             [np.concatenate(both) for both in pairs],
             np.concatenate([self.state, other.state]),
             np.concatenate([self.objects, other.objects]),
-            np.concatenate([self.before, other.before]),
-            np.concatenate([self.held, other.held]),
-            np.concatenate([self.told, other.told]),
+            np.concatenate([self.row, other.row]),
+            np.concatenate([self.held_out, other.held_out]),
+            np.concatenate([self.window_places, other.window_places]),
             np.concatenate([self.near, other.near]),
         )
 
@@ -103,7 +103,7 @@ class _Album:
         simulation: Simulation,
         state: Rows,
         objects: Rows,
-        before: int,
+        row: int,
         episode: int,
     ) -> None:
         """Render what a simulation, the same each time, shows now.
@@ -112,24 +112,24 @@ class _Album:
             simulation: The simulation.
             state: Joints and openings (16,).
             objects: The object state (n,).
-            before: Rows of its episode before it.
+            row: Which row of its episode it is.
             episode: The number of that: every tenth one is held out.
         """
         self._backend = self._backend or SimBackend(simulation)
         there = np.stack([objects[part] for part in self._where])
         spread = NEARLY * self._rng.random()
-        told = there + spread * self._rng.normal(size=there.shape)
-        told = told.astype(np.float32)
+        around = there + spread * self._rng.normal(size=there.shape)
+        around = around.astype(np.float32)
         rgb = self._backend.images_by_kind({"rgb": rendered_sizes()})["rgb"]
         seen = [torch.from_numpy(rgb[name].transpose(2, 0, 1))[None] for name in SIZES]
         cameras = torch.from_numpy(places_of_cameras(state[None], self._robot))
-        windows = Windows.around(torch.from_numpy(told)[None], cameras)
+        windows = Windows.around(torch.from_numpy(around)[None], cameras)
         place = len(self._rows)
         self._near[place] = windows.cut(seen)[0].round().byte().numpy()
         for one, images in zip(seen, self._images, strict=True):
             images[place] = whole(one)[0].permute(1, 2, 0).numpy()
-        is_held = episode % HELD_OUT == HELD_OUT - 1
-        self._rows.append((state, objects, before, is_held, told))
+        is_held_out = episode % HELD_OUT == HELD_OUT - 1
+        self._rows.append((state, objects, row, is_held_out, around))
 
     def pictures(self) -> Pictures:
         """What was rendered."""
@@ -168,7 +168,8 @@ def watch(demos: Path, task: str, data: Demonstrations) -> Pictures:
             or not np.allclose(recording.agent_pos[recorded], state, atol=1e-5)
         ):
             raise DataError(
-                f"Episode {episode} of {task} in {demos} is not that of the export."
+                f"Episode {episode} of {task} in {demos} is not that of the export: "
+                "name the recordings that it was made of."
             )
         for row in range(0, len(recorded), EVERY):
             source.show(recording, int(recorded[row]))
@@ -201,7 +202,7 @@ def _otherwise(
     if not all(f"{body}_x_axis_x" in names for body in places):
         return objects
     share = rng.random()
-    noise = [share * size for size in HELD_OTHERWISE]
+    noise = [share * size for size in GRASP_NOISE]
     moved = with_pose_noise(objects[None], names, *noise, rng)[0]
     for body, place in places.items():
         axes = [names.index(f"{body}_{axis}_axis_x") for axis in "xz"]
@@ -230,15 +231,15 @@ def at_rest(task: str, data: Demonstrations, count: int) -> Pictures:
     rows = np.random.default_rng(0).integers(len(data.state), size=count)
     for n in range(count):
         seen, _ = env.reset(seed=episode_seed(task, LEARNED + n, TRAIN))
-        state, before = seen["agent_pos"], 0
+        state, row = seen["agent_pos"], 0
         objects = seen["environment_state"][list(data.columns)]
         if n % 2:
             arms = data.state[rows[n]].reshape(len(SIDES), -1).copy()
             arms[:, -1] = 1.0
-            state, before = arms.reshape(-1), UNDER_OTHER_ARMS
+            state, row = arms.reshape(-1), UNDER_OTHER_ARMS
             simulation.duo.set_configuration(DuoCommand.from_flat(state))
             simulation.forward()
-        album.add(simulation, state, objects, before, n // 2)
+        album.add(simulation, state, objects, row, n // 2)
     pictures = album.pictures()
     env.close()
     return pictures

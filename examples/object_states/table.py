@@ -23,13 +23,14 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import network
 import numpy as np
 from demonstrations import UNTIL, Demonstrations
-from learning import once, processor_seconds, write
+from learning import Training, locked, once, processor_seconds, write
 from own_play import practise
 
 from duobench.core.errors import (
@@ -66,15 +67,24 @@ def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
 
 
 def job(asked: argparse.Namespace, task: str, seed: int) -> str:
-    """Train one network and play it, each unless that is done; what is written is whole."""
+    """Train one network and play it, each unless that is done; what is written is whole.
+
+    Another process that does the same waits for it.
+    """
+    with locked(asked.out / setting(asked) / task / f"{seed}.job"):
+        return _job(asked, task, seed)
+
+
+def _job(asked: argparse.Namespace, task: str, seed: int) -> str:
     file = result(asked, task, seed)
     if file.exists():
-        suite = json.loads(file.read_text())["suite"]
-        if suite != SUITE_VERSION:
-            raise OtherRunError(
-                f"{file} is of suite {suite}, and this is suite {SUITE_VERSION}: name another "
-                "folder of results."
-            )
+        found = json.loads(file.read_text())
+        for what, now in (("suite", SUITE_VERSION), ("episodes", asked.episodes)):
+            if found[what] != now:
+                raise OtherRunError(
+                    f"{file} is of {what} {found[what]}, and this is of {now}: name another "
+                    "folder of results."
+                )
         return f"{file} is there"
     checkpoint, told = trained(asked, task, seed)
     os.environ["CHECKPOINT"] = str(checkpoint.absolute())
@@ -117,21 +127,46 @@ def trained(
     folder = asked.out / setting(asked) / task
     checkpoint = folder / f"{seed}.npz"
     told = folder / f"{seed}.json"
-    return checkpoint, once(told, lambda: _trained(asked, task, seed, checkpoint))
+    data = shown(asked, task)
+    found = once(told, lambda: _trained(asked, task, data, seed, checkpoint))
+    recipe = asdict(recipe_of(asked)) | {"seed": seed}
+    if found["recipe"] != recipe:
+        raise OtherRunError(
+            f"{checkpoint} was trained by the recipe {found['recipe']}, and this is {recipe}: name "
+            "another --out."
+        )
+    if found.get("shown", data.hashed()) != data.hashed():
+        raise OtherRunError(
+            f"{checkpoint} was trained on other demonstrations: name another --out."
+        )
+    return checkpoint, found
+
+
+def recipe_of(asked: argparse.Namespace) -> Training:
+    """How long a network learns."""
+    if not asked.images:
+        return network.Training(device=asked.device)
+    import train_images  # needs PyTorch to be read
+
+    return train_images.Training(device=asked.device)
 
 
 def _trained(
-    asked: argparse.Namespace, task: str, seed: int, checkpoint: Path
+    asked: argparse.Namespace,
+    task: str,
+    data: Demonstrations,
+    seed: int,
+    checkpoint: Path,
 ) -> dict[str, Any]:
     """Train one network; what is told of it, and of the one that came first."""
-    data = shown(asked, task)
     if asked.self_imitation or asked.images:
         acts, first = trained(first_of(asked), task, seed)
         further = see if asked.images else improve
         told = further(asked, task, data, acts, checkpoint, seed) | {"first": first}
     else:
         told = learn(asked, task, data, checkpoint, seed)
-    return told | {"rows": len(data.state), "checkpoint": _hash(checkpoint)}
+    about = {"shown": data.hashed(), "rows": len(data.state)}
+    return told | about | {"checkpoint": _hash(checkpoint)}
 
 
 def shown(asked: argparse.Namespace, task: str) -> Demonstrations:
@@ -167,8 +202,7 @@ def learn(
     seed: int,
 ) -> dict[str, Any]:
     """Train one network on object states; what is told of it."""
-    how = network.Training(device=asked.device)
-    return network.train(data, task, checkpoint, seed, how)
+    return network.train(data, task, checkpoint, seed, recipe_of(asked))
 
 
 def improve(
@@ -196,13 +230,14 @@ def see(
     seed: int,
 ) -> dict[str, Any]:
     """Train one that sees for another one; what is told of it."""
-    import images  # needs PyTorch to be read
+    import train_images  # needs PyTorch to be read
 
     before = processor_seconds()
-    how = images.Training(device=asked.device)
-    pictures = images.see(acts, asked.images, task, data, how)
-    told = images.train(acts, data, pictures, task, out, seed, how)
-    return told | {"seconds": round(processor_seconds() - before)}
+    how = recipe_of(asked)
+    pictures = train_images.see(acts, asked.images, task, data, how)
+    rendered = round(processor_seconds() - before)
+    told = train_images.train(acts, data, pictures, task, out, seed, how)
+    return told | {"seconds": rendered + told["seconds"]}
 
 
 def _hash(checkpoint: Path) -> str:
@@ -331,6 +366,8 @@ def run(asked: argparse.Namespace) -> None:
                 "A process of this table was killed, perhaps because memory ran out; the same "
                 "command goes on where it was, with fewer workers too."
             ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Objects, followed from one look to the next: where they lie, or in a hand that holds them.
 
 Each look is a little wrong in another way, and what lies still, or is held, is looked at many
-times. So of each object the mean over looks is told, in the frame in which it has moved least
-since the last one: that of the table, or of one of the tools. What has moved in all of these by
-more than looks are wrong is believed as it is seen.
+times. So of each object the mean over looks is told, of which the last one counts `SHARE` or more,
+in the frame in which it has moved least since then: that of the table, or of one of the tools.
+What has moved in all of these by more than looks are wrong is believed as it is seen.
 """
 
 from __future__ import annotations
@@ -63,14 +63,13 @@ class Tracks:
         if self._mean is not None:
             near, before = self._followed(hands, places, turns)
             votes[near] = self._mean.quarters[near]
-            share = np.where(near, 1 / (votes.sum(1) + 1), 1.0)
-            share = np.maximum(share, SHARE)[:, None]
+            share = np.maximum(1 / (votes.sum(1) + 1), SHARE)[:, None]
             ahead, off = _apart(before[1], turns)
             further = further + np.where(near, ahead, 0)
-            places = before[0] + share * (places - before[0])
-            turns = np.where(
-                near[:, None, None], rotations_by(share * off) @ before[1], turns
-            )
+            nearer = before[0] + share * (places - before[0])
+            turned = rotations_by(share * off) @ before[1]
+            places = np.where(near[:, None], nearer, places)
+            turns = np.where(near[:, None, None], turned, turns)
         votes[np.arange(len(votes)), further % QUARTERS] += 1
         self._mean = _Mean(hands, places, turns, votes)
         return places, turns @ _BY_QUARTERS[votes.argmax(1)]
@@ -78,7 +77,7 @@ class Tracks:
     def _followed(
         self, hands: tuple[Array, Array], places: Array, turns: Array
     ) -> tuple[NDArray[np.bool_], tuple[Array, Array]]:
-        """Which objects (K,) are where they were followed to, and places and rotations there."""
+        """Which objects (K,) are near where they were followed to, and poses there."""
         mean = self._mean
         assert mean is not None
         turned = np.stack([np.eye(3), *(hands[1] @ mean.tools[1].swapaxes(-1, -2))])
@@ -93,10 +92,7 @@ class Tracks:
         best = np.hypot(away, angle).argmin(0)
         each = best, np.arange(len(places))
         near = np.maximum(away, angle)[each] < 1
-        return near, (
-            np.where(near[:, None], there[each], places),
-            np.where(near[:, None, None], then[each], turns),
-        )
+        return near, (there[each], then[each])
 
 
 def _apart(turns: Array, others: Array) -> tuple[NDArray[np.int64], Array]:

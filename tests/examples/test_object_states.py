@@ -3,12 +3,14 @@
 import hashlib
 import json
 import os
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import permutations
 from pathlib import Path
 from types import SimpleNamespace
@@ -39,12 +41,25 @@ from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.frames import robot_with
 from duobench.world.robot.gripper import GRIPPERS
 from duobench.world.sim.backend import SimBackend
-from tests.docs.markdown import ROOT
+from tests.docs.markdown import ROOT, blocks, page_of
 
 EXAMPLES = ROOT / "examples" / "object_states"
 TASK = "carry_pot"
-EXPORT = ("--per-task", "--after-success", "--cameras", "none", "--object-state")
-EXPORT += ("--action", "cartesian")
+
+
+def export_of_the_page() -> tuple[str, ...]:
+    """What the page says to export with; the action mode last."""
+    _, export = blocks(page_of("baselines"), "sh")[0].replace("\\\n", " ").splitlines()
+    program, said = shlex.split(export)[:6], shlex.split(export)[6:]
+    assert program == ["duobench", "export", "lerobot", "demos", "--out", "exports"]
+    for option in ("--workers", "--action"):
+        at = said.index(option)
+        last = said[at : at + 2]
+        del said[at : at + 2]
+    return (*said, *last)
+
+
+EXPORT = export_of_the_page()
 
 
 def run(*words: str, folder: Path) -> str:
@@ -274,6 +289,9 @@ def test_nothing_is_played_without_a_checkpoint_of_today(
     np.savez(tmp_path / "old.npz", about='{"names": [], "close": 0.05}')
     with pytest.raises(PolicyError, match=r"earlier state of this example.* train it again"):
         network.Network(tmp_path / "old.npz")
+    np.savez(tmp_path / "none.npz", state=np.zeros(1))
+    with pytest.raises(PolicyError, match="is no file of a network"):
+        network.Network(tmp_path / "none.npz")
     monkeypatch.delenv("CHECKPOINT")
     for policy in (nearest.Nearest, network.Network):
         with pytest.raises(PolicyError, match="CHECKPOINT=exports/bin_sort"):
@@ -659,7 +677,11 @@ def test_what_is_held_or_lies_otherwise_is_brought_to_where_it_was_shown(exports
 
 
 def learned(
-    scores: list[tuple[int, float]], out: Path, stopped_at: int = -1, seed: int = 0
+    scores: list[tuple[int, float]],
+    out: Path,
+    stopped_at: int = -1,
+    seed: int = 0,
+    source: str = "a line",
 ) -> dict[str, Any]:
     """Learn a line through two points; each look is told what it sees, and one may be the end."""
     import torch
@@ -674,18 +696,21 @@ def learned(
 
     def look(average: Any, file: Path) -> tuple[int, float]:
         np.savez(file, **{k: v.numpy() for k, v in average.state_dict().items()})
+        assert not torch.equal(average.weight, net.weight)  # weights of several steps
         score = next(left)
         if score == scores[stopped_at] and stopped_at >= 0:
             raise KeyboardInterrupt
         return score
 
     how = Training(batch=4, rate=0.1, warm_up=1, every=10, most=60, patience=20, episodes=4)
-    return learn(net, error, how, look, out, seed)
+    return learn(net, error, how, look, out, seed, source)
 
 
 @pytest.mark.usefixtures("example")
 def test_a_network_learns_while_it_plays_better_and_the_best_is_kept(tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import learning  # pyright: ignore[reportMissingImports]
+
     best = [(1, 0.3), (2, 0.5), (2, 0.4), (1, 0.9)]
     told = learned(best, tmp_path / "kept.npz")
     assert told["looks"] == [list(score) for score in best]
@@ -700,9 +725,11 @@ def test_a_network_learns_while_it_plays_better_and_the_best_is_kept(tmp_path: P
     )
     assert np.array_equal(kept, second)  # that of step 20
     assert not np.array_equal(kept, last)
-    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(
-        ["alike.npz", "kept.npz", "most.npz", "perfect.npz"]
-    )
+    assert learned([], tmp_path / "kept.npz") | {"seconds": 0} == told | {"seconds": 0}  # is over
+    names = ["alike", "kept", "most", "perfect"]
+    for name in names:
+        learning.forget(tmp_path / f"{name}.npz")
+    assert sorted(file.name for file in tmp_path.iterdir()) == [f"{name}.npz" for name in names]
 
 
 @pytest.mark.usefixtures("example")
@@ -712,8 +739,13 @@ def test_a_training_that_was_stopped_goes_on_to_the_same_bits(tmp_path: Path) ->
     whole = learned(scores, tmp_path / "whole.npz")
     with pytest.raises(KeyboardInterrupt):
         learned(scores, tmp_path / "stopped.npz", 2)
-    with pytest.raises(DataError, match=r"of another recipe: delete it"):
-        learned(scores[2:], tmp_path / "stopped.npz", seed=1)
+    for other in ({"seed": 1}, {"source": "a curve"}):
+        with pytest.raises(DataError, match=r"of another recipe, or from something else: delete"):
+            learned(scores[2:], tmp_path / "stopped.npz", **other)
+    best = (tmp_path / "stopped.npz").rename(tmp_path / "elsewhere.npz")
+    with pytest.raises(DataError, match=r"stopped\.npz is gone, which .* goes on from: delete it"):
+        learned(scores[2:], tmp_path / "stopped.npz")
+    best.rename(tmp_path / "stopped.npz")
     again = learned(scores[2:], tmp_path / "stopped.npz")
     assert again | {"seconds": 0} == whole | {"seconds": 0}
     one, other = (dict(np.load(tmp_path / f"{name}.npz")) for name in ("whole", "stopped"))
@@ -845,6 +877,8 @@ def test_the_table_goes_on_where_it_was_stopped(
     for seed in range(2):
         assert "of 1" in table.job(asked, TASK, seed)
     assert "is there" in table.job(asked, TASK, 0)
+    with pytest.raises(OtherRunError, match=r"is of episodes 1, and this is of 2: name another"):
+        table.job(options(exports, tmp_path, episodes=2), TASK, 0)
     (tmp_path / "results" / "2" / f"{TASK}-1.json").unlink()
     monkeypatch.setattr(network, "train", lambda *_: pytest.fail("trained again"))
     assert "of 1" in table.job(asked, TASK, 1)
@@ -855,6 +889,14 @@ def test_the_table_goes_on_where_it_was_stopped(
     assert told["training"]["checkpoint"] == told["checkpoint"]
     rows = list(table.failures(asked.results, table.setting(asked)))
     assert rows[2].startswith(f"| `{TASK}` | 2 | ")
+    other = replace(table.shown(asked, TASK), gripper="franka_hand")
+    with monkeypatch.context() as patch:
+        patch.setattr(table, "shown", lambda *_: other)
+        with pytest.raises(OtherRunError, match="on other demonstrations: name another --out"):
+            table.trained(asked, TASK, 0)
+    short = brief(3)
+    with pytest.raises(OtherRunError, match=r"the recipe .*'every': 2.* name another --out"):
+        table.trained(asked, TASK, 0)
 
 
 @pytest.mark.slow
@@ -876,6 +918,12 @@ def test_what_a_policy_achieved_is_there_to_be_learned_from(
     assert own.names == shown.names
     again, _ = own_play.practise("nearest:Nearest", TASK, tmp_path, 1)
     assert np.array_equal(own.labels, again.labels)
+    with pytest.raises(DataError, match=r"`gripper` differs: 'robotiq_2f85' and 'franka_hand'"):
+        shown + replace(own, gripper="franka_hand")
+    with pytest.raises(DataError, match="export both with --action cartesian"):
+        shown + replace(own, labels=own.labels[:, :16])
+    with pytest.raises(UnknownNameError, match="Did you mean 'carry_pot'"):
+        own_play.Trial("cary_pot", 1)
     both = shown + own
     assert both.lengths.tolist() == [*shown.lengths, *own.lengths]
     assert np.array_equal(both.state[-own.lengths[0] :], own.state)
@@ -893,10 +941,10 @@ def test_a_network_learns_from_what_the_one_before_it_achieved(
 
     learned, played = [], []
 
-    def train(data: Any, _task: str, out: Path, *_: object) -> dict[str, int]:
+    def train(data: Any, _task: str, out: Path, seed: int, how: Any) -> dict[str, Any]:
         learned.append(len(data.lengths))
         out.write_bytes(bytes([len(learned)]))
-        return {"passes": 1, "seconds": 1}
+        return {"recipe": asdict(how) | {"seed": seed}, "seconds": 1}
 
     def by_nearest(policy: str, task: str, folder: Path, count: int) -> Any:
         played.append((policy, os.environ["CHECKPOINT"]))
@@ -926,35 +974,37 @@ def test_minutes_of_what_came_first_are_told_apart(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
-    import images  # pyright: ignore[reportMissingImports]
     import learning  # pyright: ignore[reportMissingImports]
     import network  # pyright: ignore[reportMissingImports]
     import table  # pyright: ignore[reportMissingImports]
+    import train_images  # pyright: ignore[reportMissingImports]
 
     spent = [0.0]
+    asked = options(exports, tmp_path, images=tmp_path)
+    recipe = {"recipe": asdict(table.recipe_of(asked)) | {"seed": 0}}
+    first = {"recipe": asdict(network.Training()) | {"seed": 0}}
 
     def acts(_data: object, _task: str, out: Path, *_: object) -> dict[str, int]:
         spent[0] += 60
         out.write_bytes(b"acts")
-        return {"seconds": 60}
+        return first | {"seconds": 60}
 
     def shown(*_: object) -> None:
         spent[0] += 120
 
-    def sees(_acts: Path, _data: object, _shown: None, out: Path, *_: object) -> dict[str, int]:
+    def sees(_acts: Path, _data: Any, _shown: None, _task: str, out: Path, *_: Any) -> Any:
         spent[0] += 180
         out.write_bytes(b"sees")
-        return {}
+        return recipe | {"seconds": 180 + 40}  # which were spent before it was stopped
 
     monkeypatch.setattr(network, "train", acts)
-    monkeypatch.setattr(images, "see", shown)
-    monkeypatch.setattr(images, "train", sees)
+    monkeypatch.setattr(train_images, "see", shown)
+    monkeypatch.setattr(train_images, "train", sees)
     for module in (learning, table):
         monkeypatch.setattr(module, "processor_seconds", lambda: spent[0])
-    asked = options(exports, tmp_path, images=tmp_path)
     _, told = table.trained(asked, TASK, 0)
-    assert (told["first"]["seconds"], told["seconds"]) == (60, 300)
-    assert table._minutes(told) == "1 + 5"
+    assert (told["first"]["seconds"], told["seconds"]) == (60, 340)
+    assert table._minutes(told) == "1 + 6"
 
 
 @pytest.mark.usefixtures("example")
@@ -1033,6 +1083,28 @@ def test_a_killed_process_of_the_table_is_told_in_a_sentence(
         table.run(options(exports, tmp_path))
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("example", "checkpoint")
+def test_a_table_ends_with_what_is_wrong_and_does_not_go_on(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import table  # pyright: ignore[reportMissingImports]
+
+    monkeypatch.setattr(table, "job", refuse_the_first)
+    asked = options(exports, tmp_path, seeds=9, out=tmp_path)
+    with pytest.raises(DataError, match="is wrong"):
+        table.run(asked)
+    assert len(list(tmp_path.glob("*.done"))) < 8
+
+
+def refuse_the_first(asked: Any, _task: str, seed: int) -> str:
+    if seed == 0:
+        raise DataError("It is wrong.")
+    time.sleep(0.1)
+    (asked.out / f"{seed}.done").touch()
+    return ""
+
+
 def kill_this_process(*_: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -1043,28 +1115,29 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
-    import images  # pyright: ignore[reportMissingImports]
     import network  # pyright: ignore[reportMissingImports]
     import pictures  # pyright: ignore[reportMissingImports]
     import sight  # pyright: ignore[reportMissingImports]
+    import train_images  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
 
     monkeypatch.setattr(pictures, "HELD_OUT", 2)
     data, demos = Demonstrations.load(exports / TASK), exports.with_name("demos")
     acts = tmp_path / "acts.npz"
     network.train(data, TASK, acts, 0, brief(1))
-    how = images.Training(layouts=4, played=2)
+    how = train_images.Training(layouts=4, played=2)
     now = data.state[0], data.objects[0]
     told = []
-    for policy in (network.Network(acts), images._WithNoise(acts), images._WithNoise(acts)):
+    noisy = [train_images._WithNoise(acts) for _ in range(2)]
+    for policy in (network.Network(acts), *noisy):
         policy.reset("", 0)
         told.append(policy.plan(*now))
     assert np.abs(told[1] - told[0]).max() > 1e-4  # it has noise, alike every time
     assert np.array_equal(told[1], told[2])
     other = replace(data, state=data.state + 0.1)
     with pytest.raises(DataError, match=r"Episode 0 of .* is not that of the export"):
-        images.see(acts, demos, TASK, other, how)
-    seen = images.see(acts, demos, TASK, data, how)
+        train_images.see(acts, demos, TASK, other, how)
+    seen = train_images.see(acts, demos, TASK, data, how)
     of_episodes = [-(-length // pictures.EVERY) for length in data.lengths.tolist()]
     rows = sum(of_episodes)
     played = -(-catalog.get(TASK).horizon // pictures.EVERY)  # it succeeds in none
@@ -1072,12 +1145,12 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
     assert [one.shape for one in seen.images] == shapes
     held = [False, True] * 3
     held = np.repeat(held, [*of_episodes, 2, 2, played, played])
-    assert np.array_equal(seen.held, held)
+    assert np.array_equal(seen.held_out, held)
     for first in (rows + 4, rows + 4 + played):
         assert np.allclose(seen.state[first], data.state[0], atol=1e-3)
         assert np.abs(seen.state[first + played - 1] - seen.state[first]).max() > 0.1
         before = range(0, pictures.EVERY * played, pictures.EVERY)
-        assert seen.before[first : first + played].tolist() == [*before]
+        assert seen.row[first : first + played].tolist() == [*before]
     assert np.abs(np.diff(seen.objects[[rows + 4, rows + 4 + played]], axis=0)).max() > 1e-3
     last = of_episodes[0] - 1
     assert np.array_equal(seen.objects[0], data.objects[0])
@@ -1085,7 +1158,7 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
     assert 1e-5 < np.abs(off).max() < 0.02  # it was carried, and is rendered elsewhere
     for rest in (0, 2):  # with their hands at home, and with those of a demonstration
         home, moved = seen.state[rows + rest : rows + rest + 2]
-        assert seen.before[rows + rest :].tolist()[:2] == [0, pictures.UNDER_OTHER_ARMS]
+        assert seen.row[rows + rest :].tolist()[:2] == [0, pictures.UNDER_OTHER_ARMS]
         assert np.allclose(home, data.state[0], atol=1e-3)
         shown = np.abs(data.state - moved)[:, np.arange(16) % 8 != 7]
         assert shown.max(axis=1).min() < 1e-6
@@ -1125,46 +1198,14 @@ def test_what_is_held_is_rendered_elsewhere_and_what_lies_still_is_not() -> None
     assert pictures._otherwise(simulation, away, first, ball, rng) is away
 
 
-@pytest.mark.long
-@pytest.mark.usefixtures("unplayed", "checkpoint")
-def test_a_network_that_sees_images_is_trained_and_played(
-    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def acts_on_what_it_sees(
+    policy: Any, demos: Path, data: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    """Play a network on the first image that it has learned from."""
     import frames  # pyright: ignore[reportMissingImports]
     import images  # pyright: ignore[reportMissingImports]
-    import network  # pyright: ignore[reportMissingImports]
-    import pictures  # pyright: ignore[reportMissingImports]
-    import table  # pyright: ignore[reportMissingImports]
-    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    import torch
 
-    monkeypatch.chdir(EXAMPLES)
-    monkeypatch.setattr(pictures, "HELD_OUT", 2)
-    data, demos = Demonstrations.load(exports / TASK), exports.with_name("demos")
-    short = brief(2)
-    monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
-    longer = images.Training(batch=16, every=100, most=100, layouts=4, played=2)
-    monkeypatch.setattr(images, "Training", lambda device: replace(longer, device=device))
-    asked = options(exports, tmp_path, images=demos)
-    assert "of 1" in table.job(asked, TASK, 0)
-    told = json.loads(table.result(asked, TASK, 0).read_text())["training"]
-    assert table.setting(asked) == "2-images"
-    acts, sees = (tmp_path / f"runs/{what}/{TASK}/0.npz" for what in ("2", "2-images"))
-    acted = hashlib.sha256(acts.read_bytes()).hexdigest()
-    assert acted.startswith(told["first"]["checkpoint"])
-    assert told["first"]["kept"] == 2
-    assert told["kept"] == longer.every
-    every, first, mean = told["off_mm"]["pot"]
-    assert max(every, first) < mean  # in an episode that it did not learn from
-    with pytest.raises(DataError, match="of another task"):
-        images.check(acts, replace(data, names=("x",)))
-    monkeypatch.setenv("CHECKPOINT", str(acts))
-    with pytest.raises(PolicyError, match="sees no images"):
-        images.Images()
-
-    policy = images.Images(sees)
-    assert not policy.metadata.object_state
-    policy.reset("", 0)
     (path, _) = DataSet.open(demos).episodes()
     env = duobench.make(TASK, split="train", **needed_options(policy.metadata))
     seen, _ = env.reset(seed=Recording.read_info(path).seed)
@@ -1184,11 +1225,59 @@ def test_a_network_that_sees_images_is_trained_and_played(
     assert np.abs(far[:3] - found[:3]).max() > 1e-5
 
 
+@pytest.mark.long
+@pytest.mark.usefixtures("unplayed", "checkpoint")
+def test_a_network_that_sees_images_is_trained_and_played(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import images  # pyright: ignore[reportMissingImports]
+    import network  # pyright: ignore[reportMissingImports]
+    import pictures  # pyright: ignore[reportMissingImports]
+    import table  # pyright: ignore[reportMissingImports]
+    import train_images  # pyright: ignore[reportMissingImports]
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+
+    monkeypatch.chdir(EXAMPLES)
+    monkeypatch.setattr(pictures, "HELD_OUT", 2)
+    data, demos = Demonstrations.load(exports / TASK), exports.with_name("demos")
+    short = brief(2)
+    monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
+    longer = train_images.Training(batch=16, every=100, most=100, layouts=4, played=2)
+    monkeypatch.setattr(train_images, "Training", lambda device: replace(longer, device=device))
+    asked = options(exports, tmp_path, images=demos)
+    assert "of 1" in table.job(asked, TASK, 0)
+    told = json.loads(table.result(asked, TASK, 0).read_text())["training"]
+    assert table.setting(asked) == "2-images"
+    acts, sees = (tmp_path / f"runs/{what}/{TASK}/0.npz" for what in ("2", "2-images"))
+    acted = hashlib.sha256(acts.read_bytes()).hexdigest()
+    assert acted.startswith(told["first"]["checkpoint"])
+    assert told["first"]["kept"] == 2
+    assert told["kept"] == longer.every
+    every, first, mean = told["off_mm"]["pot"]
+    assert max(every, first) < mean  # in an episode that it did not learn from
+    policy = images.Images(sees)
+    assert not policy.metadata.object_state
+    policy.reset("", 0)
+    acts_on_what_it_sees(policy, demos, data, monkeypatch)
+    with pytest.raises(DataError, match="of another task"):
+        train_images.check(acts, replace(data, names=("x",)))
+    monkeypatch.setenv("CHECKPOINT", str(acts))
+    with pytest.raises(PolicyError, match="sees no images"):
+        images.Images()
+    with pytest.raises(PolicyError, match=r"sees images: play it as images:Images"):
+        network.Network(sees)
+    parts = dict(np.load(sees))
+    np.savez(tmp_path / "old.npz", **{k: parts[k] for k in parts if k != "sight.o_mean"})
+    with pytest.raises(PolicyError, match="as in an earlier state of this example"):
+        images.Images(tmp_path / "old.npz")
+
+
 @pytest.mark.usefixtures("example")
 def test_what_is_seen_is_of_a_kind() -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
-    from images import Kinds  # pyright: ignore[reportMissingImports]
+    from visible import Kinds  # pyright: ignore[reportMissingImports]
 
     names = tuple(name for name in NAMES if "_velocity_" not in name)
     rng = np.random.default_rng(0)
@@ -1416,7 +1505,7 @@ def test_windows_lie_around_objects_and_are_as_large_on_them() -> None:
 def test_what_is_seen_of_an_object_state_is_all_of_it(task: str) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     from frames import frames  # pyright: ignore[reportMissingImports]
-    from images import recognized, shown  # pyright: ignore[reportMissingImports]
+    from visible import recognized, shown  # pyright: ignore[reportMissingImports]
 
     env = duobench.make(task, cameras=False, object_state=True)
     names = tuple(env.get_wrapper_attr("object_state_names"))
@@ -1446,10 +1535,10 @@ def test_a_network_learns_from_what_a_person_led_and_not_from_what_failed(
     run(*words, "led", *EXPORT, "--only-corrections", folder=tmp_path)
     shown = []
 
-    def train(data: Any, _task: str, out: Path, *_: object) -> dict[str, Any]:
+    def train(data: Any, _task: str, out: Path, seed: int, how: Any) -> dict[str, Any]:
         shown.append(data)
         out.write_bytes(b"")
-        return {}
+        return {"recipe": asdict(how) | {"seed": seed}}
 
     monkeypatch.setattr(network, "train", train)
     asked = options(exports, tmp_path, corrections=tmp_path / "all")
