@@ -396,9 +396,14 @@ def brief(steps: int) -> Any:
 
 @pytest.fixture
 def unplayed(monkeypatch: pytest.MonkeyPatch, example: None) -> None:  # noqa: ARG001
-    """Nothing is played to tell networks apart, which takes seconds; another test does."""
+    """Nothing is played to tell networks apart, which takes seconds; another test does.
+
+    Nor are demonstrations told more often than four times.
+    """
+    import network  # pyright: ignore[reportMissingImports]
     import own_play  # pyright: ignore[reportMissingImports]
 
+    monkeypatch.setattr(network, "ROWS", 100)
     monkeypatch.setattr(own_play.Trial, "score", lambda *_: (0, 0.5))
 
 
@@ -1120,6 +1125,7 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
     import sight  # pyright: ignore[reportMissingImports]
     import train_images  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from frames import places_in  # pyright: ignore[reportMissingImports]
 
     monkeypatch.setattr(pictures, "HELD_OUT", 2)
     data, demos = Demonstrations.load(exports / TASK), exports.with_name("demos")
@@ -1152,6 +1158,10 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
         before = range(0, pictures.EVERY * played, pictures.EVERY)
         assert seen.row[first : first + played].tolist() == [*before]
     assert np.abs(np.diff(seen.objects[[rows + 4, rows + 4 + played]], axis=0)).max() > 1e-3
+    there = np.stack([seen.objects[:, part] for part in places_in(data.names)], axis=1)
+    away = np.linalg.norm(seen.window_places - there, axis=-1)
+    assert 0.001 < np.median(away) < 0.05  # windows lie about there
+    assert seen.near.shape[:3] == (len(away), len(sight.SIZES), away.shape[1])
     last = of_episodes[0] - 1
     assert np.array_equal(seen.objects[0], data.objects[0])
     off = seen.objects[last, :3] - data.objects[pictures.EVERY * last, :3]
@@ -1198,13 +1208,64 @@ def test_what_is_held_is_rendered_elsewhere_and_what_lies_still_is_not() -> None
     assert pictures._otherwise(simulation, away, first, ball, rng) is away
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("unplayed")
+def test_what_a_layout_chose_is_learned_and_told_as_most_looks_read_it(
+    mazes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import images  # pyright: ignore[reportMissingImports]
+    import network  # pyright: ignore[reportMissingImports]
+    import pictures  # pyright: ignore[reportMissingImports]
+    import train_images  # pyright: ignore[reportMissingImports]
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+
+    monkeypatch.setattr(pictures, "HELD_OUT", 2)
+    data = Demonstrations.load(mazes)
+    acts, sees = (tmp_path / f"{name}.npz" for name in ("acts", "sees"))
+    network.train(data, "ball_maze", acts, 0, brief(1))
+    shown = pictures.at_rest("ball_maze", data, 4)
+    how = train_images.Training(batch=2, closer=2, every=2, most=2)
+    told = train_images.train(acts, data, shown, "ball_maze", sees, 0, how)
+    assert 0 <= told["read_right"] <= 1
+    rows = train_images._Rows(data, shown, "cpu")
+    losses = rows.losses(rows.sight(), rows.learned[:1], rows.learned[:1])
+    assert set(losses) == {"pixels", "windows", "axes", "others", "read"}
+    assert all(loss.item() > 0 for loss in losses.values())
+
+    policy, planned = images.Images(sees), []
+    env = duobench.make("ball_maze", **needed_options(policy.metadata))
+    seen = env.reset(seed=0)[0]
+    known = policy.look(
+        [torch_image(seen, camera) for camera in POLICY_CAMERAS], seen["agent_pos"][None]
+    )
+    for read in (0.4, 0.9, 0.1, 0.2):  # of a wall, look by look
+        objects = known.copy()
+        objects[:, policy._chosen] = read
+        monkeypatch.setattr(policy, "look", lambda *_, objects=objects: objects)
+        monkeypatch.setattr(policy, "plan", lambda _, told: planned.append(told))
+        policy.act(seen)
+    walls = [told[policy._chosen].tolist() for told in planned]
+    assert walls == [[one] * len(policy._chosen) for one in (0, 1, 0, 0)]
+    policy.reset("", 0)
+    objects[:, policy._chosen] = 0.9
+    policy.act(seen)
+    assert planned[-1][policy._chosen].all()  # earlier episodes do not count
+
+
+def torch_image(seen: Any, camera: str) -> Any:
+    """An image of one camera as a network takes it (1, 3, height, width)."""
+    import torch
+
+    return torch.from_numpy(seen["pixels"][camera].transpose(2, 0, 1))[None]
+
+
 def acts_on_what_it_sees(
     policy: Any, demos: Path, data: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Play a network on the first image that it has learned from."""
     import frames  # pyright: ignore[reportMissingImports]
     import images  # pyright: ignore[reportMissingImports]
-    import torch
 
     (path, _) = DataSet.open(demos).episodes()
     env = duobench.make(TASK, split="train", **needed_options(policy.metadata))
@@ -1215,7 +1276,7 @@ def acts_on_what_it_sees(
     policy.reset("", 0)
     monkeypatch.setattr(policy._tracks, "follow", lambda _: elsewhere)
     assert np.abs(policy.act(seen) - played).max() > 1e-3
-    pixels = [torch.from_numpy(seen["pixels"][c].transpose(2, 0, 1))[None] for c in POLICY_CAMERAS]
+    pixels = [torch_image(seen, camera) for camera in POLICY_CAMERAS]
     found = policy.look(pixels, seen["agent_pos"][None])[0]
     for body in frames.bodies(data.names):  # it has learned from these images
         x = data.names.index(f"{body}_x")
