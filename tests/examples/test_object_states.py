@@ -1239,14 +1239,14 @@ def test_what_a_layout_chose_is_learned_and_told_as_most_looks_read_it(
     known = policy.look(
         [torch_image(seen, camera) for camera in POLICY_CAMERAS], seen["agent_pos"][None]
     )
-    for read in (0.4, 0.9, 0.1, 0.2):  # of a wall, look by look
+    for read in (0.4, 0.9, 0.4, 0.1):  # of a wall, look by look
         objects = known.copy()
         objects[:, policy._chosen] = read
         monkeypatch.setattr(policy, "look", lambda *_, objects=objects: objects)
         monkeypatch.setattr(policy, "plan", lambda _, told: planned.append(told))
         policy.act(seen)
     walls = [told[policy._chosen].tolist() for told in planned]
-    assert walls == [[one] * len(policy._chosen) for one in (0, 1, 0, 0)]
+    assert walls == [[one] * len(policy._chosen) for one in (0, 1, 1, 0)]
     policy.reset("", 0)
     objects[:, policy._chosen] = 0.9
     policy.act(seen)
