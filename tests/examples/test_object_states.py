@@ -1411,6 +1411,11 @@ def test_rays_meet_in_poses_and_an_object_that_none_sees_stays_beside_the_others
     plain.sharpness[:, :, 1:7] = 1.0  # where ends of axes are is hardly seen
     _, turned = meet(plain, points, usual, guess)
     assert degrees_off(turned, guess)[:, 0].max() < 6.0  # of 20: the guess stands
+    still = degrees_off(turned, guess)[:, 0]
+    plain.sharpness[:, :, 1:7] = 150.0  # as sharp as windows are: what is seen counts a little
+    _, turned = meet(plain, points, usual, guess)
+    assert (degrees_off(turned, guess)[:, 0] > still + 1.0).all()
+    assert (degrees_off(turned, turns)[:, 0] < 18.0).all()
 
 
 @pytest.mark.usefixtures("example")
