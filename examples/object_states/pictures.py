@@ -7,7 +7,7 @@ size that they are rendered in, and windows around objects in that size.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -71,18 +71,22 @@ class Pictures:
     near: Pixels
     """Windows around there (T, cameras, K, 3, height, width)."""
 
-    def __add__(self, other: Pictures) -> Pictures:
-        """Those of the other one behind these."""
-        pairs = zip(self.images, other.images, strict=True)
-        return Pictures(
-            [np.concatenate(both) for both in pairs],
-            np.concatenate([self.state, other.state]),
-            np.concatenate([self.objects, other.objects]),
-            np.concatenate([self.row, other.row]),
-            np.concatenate([self.held_out, other.held_out]),
-            np.concatenate([self.window_places, other.window_places]),
-            np.concatenate([self.near, other.near]),
-        )
+
+def joined(parts: list[Pictures]) -> Pictures:
+    """All of these, one behind the other; the list is emptied, as they fill gigabytes."""
+    columns = [
+        [getattr(part, field.name) for part in parts] for field in fields(Pictures)
+    ]
+    parts.clear()
+    images = [list(one) for one in zip(*columns.pop(0), strict=True)]
+    of_cameras = [_taken(one) for one in images]
+    return Pictures(of_cameras, *(_taken(column) for column in columns))
+
+
+def _taken(column: list[NDArray[Any]]) -> NDArray[Any]:
+    both = np.concatenate(column)
+    column.clear()
+    return both
 
 
 class _Album:

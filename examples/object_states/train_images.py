@@ -26,7 +26,7 @@ from frames import bodies, with_pose_noise
 from images import SIGHT, USUAL, Images, on_patches
 from numpy.typing import NDArray
 from own_play import Trial
-from pictures import Pictures, at_rest, in_play, watch
+from pictures import Pictures, at_rest, in_play, joined, watch
 from rays import Points, Usual
 from sight import WINDOW, Sight, places_of_cameras
 from visible import Kinds, poses, shown
@@ -80,8 +80,13 @@ def see(
     acts: Path, demos: Path, task: str, data: Demonstrations, how: Training
 ) -> Pictures:
     """Render what there is to learn from; see `watch`, `at_rest` and `in_play`."""
-    seen = watch(demos, task, data) + at_rest(task, data, how.layouts)
-    return seen + in_play(_WithNoise(acts), task, data, how.played)
+    return joined(
+        [
+            watch(demos, task, data),
+            at_rest(task, data, how.layouts),
+            in_play(_WithNoise(acts), task, data, how.played),
+        ]
+    )
 
 
 class _WithNoise(network.Network):
