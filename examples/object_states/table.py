@@ -24,6 +24,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -356,18 +357,23 @@ def run(asked: argparse.Namespace) -> None:
         if not all(result(asked, task, seed).exists() for seed in range(asked.seeds)):
             shown(asked, task)
     jobs = [(seed, task) for seed in range(asked.seeds) for task in asked.tasks]
+    others = active_children()
     with ProcessPoolExecutor(asked.workers) as pool:
         left = [pool.submit(job, asked, task, seed) for seed, task in jobs]
         try:
             for done, one in enumerate(as_completed(left), 1):
                 print(f"{done} of {len(jobs)}: {one.result()}", flush=True)
-        except BrokenProcessPool as error:
-            raise EvaluationError(
-                "A process of this table was killed, perhaps because memory ran out; the same "
-                "command goes on where it was, with fewer workers too."
-            ) from error
-        finally:
-            pool.shutdown(cancel_futures=True)
+        except BaseException as error:  # Ctrl-C too: nothing goes on for minutes
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in active_children():
+                if worker not in others:
+                    worker.terminate()
+            if isinstance(error, BrokenProcessPool):
+                raise EvaluationError(
+                    "A process of this table was killed, perhaps because memory ran out; the same "
+                    "command goes on where it was, with fewer workers too."
+                ) from error
+            raise
 
 
 if __name__ == "__main__":
@@ -411,6 +417,8 @@ if __name__ == "__main__":
             run(given)
         except DuoBenchError as error:
             parser.exit(1, f"error: {error}\n")
+        except KeyboardInterrupt:
+            parser.exit(130, "Stopped; the same command goes on where it was.\n")
     told = failures if given.failures else table
     print("\n".join(told(given.results, setting(given))))
     if not any(read(given.results, setting(given)).values()):

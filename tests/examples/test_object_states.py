@@ -1099,13 +1099,13 @@ def test_a_table_ends_with_what_is_wrong_and_does_not_go_on(
     asked = options(exports, tmp_path, seeds=9, out=tmp_path)
     with pytest.raises(DataError, match="is wrong"):
         table.run(asked)
-    assert len(list(tmp_path.glob("*.done"))) < 8
+    assert not list(tmp_path.glob("*.done"))
 
 
 def refuse_the_first(asked: Any, _task: str, seed: int) -> str:
     if seed == 0:
         raise DataError("It is wrong.")
-    time.sleep(0.1)
+    time.sleep(5)
     (asked.out / f"{seed}.done").touch()
     return ""
 
