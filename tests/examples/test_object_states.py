@@ -1229,6 +1229,8 @@ def test_what_a_layout_chose_is_learned_and_told_as_most_looks_read_it(
     told = train_images.train(acts, data, shown, "ball_maze", sees, 0, how)
     assert 0 <= told["read_right"] <= 1
     rows = train_images._Rows(data, shown, "cpu")
+    assert shown.held_out.any()
+    assert not shown.held_out[rows.drawn(100)].any()
     losses = rows.losses(rows.sight(), rows.learned[:1], rows.learned[:1])
     assert set(losses) == {"pixels", "windows", "axes", "others", "read"}
     assert all(loss.item() > 0 for loss in losses.values())
