@@ -118,7 +118,7 @@ def train(
     about |= {"openings": openings(data.labels), "gripper": data.gripper}
     about |= {"still": stillness(data.labels, data.lengths)}
     about |= {"mode": action_mode(data.labels)}
-    trial = Trial(task, how.episodes)
+    trial = Trial(task, how.episodes, data.gripper)
 
     def error() -> Any:
         rows = torch.randint(len(shown.labels), (how.batch,))

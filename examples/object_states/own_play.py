@@ -26,6 +26,7 @@ from duobench.policy import Policy
 from duobench.results import find_tasks
 from duobench.results.run import needed_options
 from duobench.tasks import catalog
+from duobench.world.robot.gripper import DEFAULT_GRIPPER
 
 LEARNED, TRIED = 10_000, 20_000
 """Numbers of the first layouts of `train` for each of these."""
@@ -40,7 +41,7 @@ EXPORTED = (
 
 
 def practise(
-    policy: str, task: str, folder: Path, episodes: int
+    policy: str, task: str, folder: Path, episodes: int, gripper: str = DEFAULT_GRIPPER
 ) -> tuple[Demonstrations, dict[str, Any]]:
     """Have a policy play until so many episodes have succeeded; goes on where it was stopped.
 
@@ -49,6 +50,7 @@ def practise(
         task: Its task.
         folder: Where recordings, and their export, are written.
         episodes: How many.
+        gripper: What is on the arms.
 
     Returns:
         The successes, as `network.py` learns from them, and what is told of them: how many
@@ -66,6 +68,7 @@ def practise(
             data,
             episodes=episodes,
             first=LEARNED,
+            gripper=gripper,
         )
         command = [sys.executable, "-m", "duobench", "export", "lerobot", data.path]
         command += ["--out", out]
@@ -83,22 +86,28 @@ class Trial:
     Args:
         task: The task.
         episodes: How many layouts.
+        gripper: What is on the arms.
 
     Raises:
         UnknownNameError: There is no such task.
     """
 
-    def __init__(self, task: str, episodes: int) -> None:
+    def __init__(
+        self, task: str, episodes: int, gripper: str = DEFAULT_GRIPPER
+    ) -> None:
         check_known("task", task, catalog.names())
         self.task = task
         self.episodes = episodes
+        self.gripper = gripper
         self._env: Any = None
 
     def score(self, policy: Policy) -> tuple[int, float]:
         """How many episodes a policy succeeds in, and its mean final progress."""
         if self._env is None:
             options = needed_options(policy.metadata)
-            self._env = duobench.make(self.task, split=TRAIN, **options)
+            self._env = duobench.make(
+                self.task, split=TRAIN, gripper=self.gripper, **options
+            )
         successes, progress = 0, []
         for number in range(TRIED, TRIED + self.episodes):
             seed = episode_seed(self.task, number, TRAIN)

@@ -254,7 +254,8 @@ def in_play(policy: Policy, task: str, data: Demonstrations, episodes: int) -> P
 
     What it drops, and holds otherwise than shown, is seen nowhere else.
     """
-    env = duobench.make(task, split=TRAIN, **needed_options(policy.metadata))
+    options = needed_options(policy.metadata)
+    env = duobench.make(task, split=TRAIN, gripper=data.gripper, **options)
     steps = -(-env.get_wrapper_attr("definition").horizon // EVERY)
     album = _Album(data, episodes * steps)
     watcher = _Renders(album, env, data)

@@ -90,7 +90,11 @@ def _job(asked: argparse.Namespace, task: str, seed: int) -> str:
     checkpoint, told = trained(asked, task, seed)
     os.environ["CHECKPOINT"] = str(checkpoint.absolute())
     before = processor_seconds()
-    suite = Suite(tasks=tuple(find_tasks([task])), episodes=asked.episodes)
+    suite = Suite(
+        tasks=tuple(find_tasks([task])),
+        episodes=asked.episodes,
+        gripper=shown(asked, task).gripper,
+    )
     policy = "images:Images" if asked.images else "network:Network"
     try:
         results = evaluate(policy, suite, RunFolder(checkpoint.parent / f"run-{seed}"))
@@ -217,7 +221,9 @@ def improve(
     """Train one on what another one achieved as well; what is told of it."""
     os.environ["CHECKPOINT"] = str(acts.absolute())
     place = out.with_name(f"own-{seed}")
-    done, own = practise("network:Network", task, place, asked.self_imitation)
+    done, own = practise(
+        "network:Network", task, place, asked.self_imitation, data.gripper
+    )
     told = learn(asked, task, data + done, out, seed)
     return told | own | {"seconds": told["seconds"] + own["seconds"]}
 

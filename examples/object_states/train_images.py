@@ -139,7 +139,7 @@ def train(
     chosen = np.array(rows.kinds.chosen, dtype=np.int64)
     usual = {f"{USUAL}{k}": part for k, part in asdict(rows.usual).items()}
     others = dict(np.load(acts)) | usual | {"chosen": chosen}
-    trial = Trial(task, how.episodes)
+    trial = Trial(task, how.episodes, data.gripper)
 
     def error() -> torch.Tensor:
         losses = rows.losses(net, rows.drawn(how.batch), rows.drawn(how.closer))

@@ -830,6 +830,9 @@ def test_networks_are_told_apart_on_layouts_of_their_own() -> None:
     seeds = [episode_seed(TASK, number, TRAIN) for number in (20_000, 20_001)]
     layouts = [env.reset(seed=seed)[0]["environment_state"] for seed in seeds]
     assert np.array_equal(begun, [*layouts, *layouts])
+    other = own_play.Trial(TASK, 1, "franka_hand")
+    other.score(Played())
+    assert other._env.get_wrapper_attr("config").gripper == "franka_hand"
 
 
 def options(exports: Path, folder: Path, **words: object) -> SimpleNamespace:
@@ -848,8 +851,14 @@ def test_a_network_knows_the_gripper_that_it_learned_with(
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
     import eleven  # pyright: ignore[reportMissingImports]
     import network  # pyright: ignore[reportMissingImports]
+    import own_play  # pyright: ignore[reportMissingImports]
+    import table  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
 
+    tried: list[str] = []
+    monkeypatch.setattr(
+        own_play.Trial, "score", lambda trial, _: (tried.append(trial.gripper) or 0, 0.5)
+    )
     shutil.copytree(exports / TASK, tmp_path / TASK)
     about = tmp_path / TASK / "meta" / "duobench.json"
     about.write_text(json.dumps(json.loads(about.read_text()) | {"robot": "franka_hand"}))
@@ -857,6 +866,7 @@ def test_a_network_knows_the_gripper_that_it_learned_with(
     assert Demonstrations.load(exports / TASK).gripper == "robotiq_2f85"
     assert (data + data).gripper == "franka_hand"
     network.train(data, TASK, tmp_path / "net.npz", 0, brief(2))
+    assert tried == ["franka_hand"]
     eleven.keep(data, tmp_path / "nearest.npz")
     nearest, played = (eleven.read(tmp_path / f"{name}.npz") for name in ("nearest", "net"))
     assert nearest._data.gripper == "franka_hand"
@@ -864,6 +874,22 @@ def test_a_network_knows_the_gripper_that_it_learned_with(
     assert {one.metadata.robot for one in (nearest, played)} == {"franka_hand"}
     monkeypatch.setenv("GRIPPER", "robotiq_2f85")
     assert network.Network(tmp_path / "net.npz")._robot == robot_with("robotiq_2f85")
+    monkeypatch.delenv("GRIPPER")
+
+    def evaluate(_policy: str, suite: Any, _folder: Any) -> None:
+        raise DataError(f"evaluated with {suite.gripper}")
+
+    def record(*_: object, gripper: str, **__: object) -> None:
+        raise DataError(f"recorded with {gripper}")
+
+    short = brief(2)
+    monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
+    monkeypatch.setattr(table, "evaluate", evaluate)
+    monkeypatch.setattr(own_play, "record", record)
+    with pytest.raises(DataError, match="evaluated with franka_hand"):
+        table.job(options(tmp_path, tmp_path), TASK, 0)
+    with pytest.raises(DataError, match="recorded with franka_hand"):
+        table.job(options(tmp_path, tmp_path, self_imitation=1), TASK, 0)
 
 
 @pytest.mark.slow
@@ -951,10 +977,10 @@ def test_a_network_learns_from_what_the_one_before_it_achieved(
         out.write_bytes(bytes([len(learned)]))
         return {"recipe": asdict(how) | {"seed": seed}, "seconds": 1}
 
-    def by_nearest(policy: str, task: str, folder: Path, count: int) -> Any:
+    def by_nearest(policy: str, task: str, folder: Path, count: int, gripper: str) -> Any:
         played.append((policy, os.environ["CHECKPOINT"]))
         os.environ["CHECKPOINT"] = str(exports / TASK)
-        return own_play.practise("nearest:Nearest", task, folder, count)
+        return own_play.practise("nearest:Nearest", task, folder, count, gripper)
 
     monkeypatch.chdir(EXAMPLES)
     monkeypatch.setattr(network, "train", train)
@@ -1173,6 +1199,12 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
         shown = np.abs(data.state - moved)[:, np.arange(16) % 8 != 7]
         assert shown.max(axis=1).min() < 1e-6
         assert moved[[7, 15]].tolist() == [1.0, 1.0]
+    make, hands = duobench.make, []
+    monkeypatch.setattr(
+        duobench, "make", lambda *a, **words: hands.append(words["gripper"]) or make(*a, **words)
+    )
+    pictures.in_play(network.Network(acts), TASK, replace(data, gripper="franka_hand"), 1)
+    assert hands == ["franka_hand"]
 
 
 @pytest.mark.usefixtures("example")
