@@ -1199,12 +1199,29 @@ def test_pictures_are_of_demonstrations_of_layouts_at_rest_and_of_play(
         shown = np.abs(data.state - moved)[:, np.arange(16) % 8 != 7]
         assert shown.max(axis=1).min() < 1e-6
         assert moved[[7, 15]].tolist() == [1.0, 1.0]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("unplayed", "checkpoint")
+def test_pictures_of_play_are_of_the_hand_that_demonstrations_had(
+    exports: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import pictures  # pyright: ignore[reportMissingImports]
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from nearest import Nearest  # pyright: ignore[reportMissingImports]
+
     make, hands = duobench.make, []
-    monkeypatch.setattr(
-        duobench, "make", lambda *a, **words: hands.append(words["gripper"]) or make(*a, **words)
-    )
-    pictures.in_play(network.Network(acts), TASK, replace(data, gripper="franka_hand"), 1)
-    assert hands == ["franka_hand"]
+
+    def made(task: str, **options: Any) -> Any:
+        hands.append(options["gripper"])
+        return make(task, **options)
+
+    monkeypatch.setattr(duobench, "make", made)
+    data = replace(Demonstrations.load(exports / TASK), gripper="franka_hand")
+    pictures.in_play(Nearest(), TASK, data, 1)
+    pictures.at_rest(TASK, data, 1)
+    assert hands == ["franka_hand", "franka_hand"]
 
 
 @pytest.mark.usefixtures("example")
