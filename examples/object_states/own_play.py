@@ -73,7 +73,7 @@ def practise(
         command = [sys.executable, "-m", "duobench", "export", "lerobot", data.path]
         command += ["--out", out]
         subprocess.run([*command, *EXPORTED], check=True)
-        return {"kept": episodes, "played": len(played)}
+        return {"successes": episodes, "played": len(played)}
 
     out = folder / "export"
     told = once(folder / "own.json", play)

@@ -171,7 +171,7 @@ def _trained(
     else:
         told = learn(asked, task, data, checkpoint, seed)
     about = {"shown": data.hashed(), "rows": len(data.state)}
-    return told | about | {"checkpoint": _hash(checkpoint)}
+    return about | told | {"checkpoint": _hash(checkpoint)}
 
 
 def shown(asked: argparse.Namespace, task: str) -> Demonstrations:
@@ -224,8 +224,10 @@ def improve(
     done, own = practise(
         "network:Network", task, place, asked.self_imitation, data.gripper
     )
-    told = learn(asked, task, data + done, out, seed)
-    return told | own | {"seconds": told["seconds"] + own["seconds"]}
+    both = data + done
+    told = learn(asked, task, both, out, seed)
+    seconds = told["seconds"] + own["seconds"]
+    return told | own | {"seconds": seconds, "rows": len(both.state)}
 
 
 def see(

@@ -942,7 +942,7 @@ def test_what_a_policy_achieved_is_there_to_be_learned_from(
     shown = Demonstrations.load(exports / TASK)
     monkeypatch.chdir(EXAMPLES)
     own, told = own_play.practise("nearest:Nearest", TASK, tmp_path, 1)
-    assert told["kept"] == told["played"] == 1
+    assert told["successes"] == told["played"] == 1
     (path,) = DataSet.open(tmp_path / "episodes").episodes()
     assert Recording.read_info(path).seed == episode_seed(TASK, 1, TRAIN)
     assert len(own.lengths) == 1
@@ -970,12 +970,13 @@ def test_a_network_learns_from_what_the_one_before_it_achieved(
     import own_play  # pyright: ignore[reportMissingImports]
     import table  # pyright: ignore[reportMissingImports]
 
-    learned, played = [], []
+    learned, rows, played = [], [], []
 
     def train(data: Any, _task: str, out: Path, seed: int, how: Any) -> dict[str, Any]:
         learned.append(len(data.lengths))
+        rows.append(len(data.state))
         out.write_bytes(bytes([len(learned)]))
-        return {"recipe": asdict(how) | {"seed": seed}, "seconds": 1}
+        return {"recipe": asdict(how) | {"seed": seed}, "seconds": 1, "kept": len(learned)}
 
     def by_nearest(policy: str, task: str, folder: Path, count: int, gripper: str) -> Any:
         played.append((policy, os.environ["CHECKPOINT"]))
@@ -991,7 +992,9 @@ def test_a_network_learns_from_what_the_one_before_it_achieved(
     first = tmp_path / "runs" / "2" / TASK / "0.npz"
     assert played == [("network:Network", str(first))]
     assert learned == [2, 3]
-    assert told["played"] >= told["kept"] == 1
+    assert [told["first"]["rows"], told["rows"]] == rows
+    assert told["played"] >= told["successes"] == 1
+    assert told["kept"] == 2  # steps of the network
     assert told["first"]["checkpoint"] == hashlib.sha256(first.read_bytes()).hexdigest()[:16]
     assert table._minutes(told | {"seconds": 90}) == "0 + 2"
     assert table.setting(asked) == "2-self-1"
