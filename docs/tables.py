@@ -415,7 +415,7 @@ def learned(setting: str, what: str = "table") -> Callable[[], str]:
 
 
 def learned_further() -> str:
-    """What networks of few demonstrations reached with more of them, and with what is none."""
+    """What networks of `join_blocks` reached: few demonstrations, with what else, and more."""
     called = {
         "10": "10 demonstrations",
         "10-corrections": "and 50 corrections",
